@@ -46,7 +46,6 @@ use crate::evaluation::{
     RolloutCheck, RunObserver, RunParts, RunSpec, Selection, Summary,
 };
 use crate::external::{Command, ExternalError, ExternalSettings, ExternalSimulator};
-use crate::formats::FormatError;
 use crate::metrics::{Metric, MetricError, Metrics, Options};
 use crate::models::nn::Backend;
 use crate::planning::planner::Planner;
@@ -63,7 +62,8 @@ const DEFAULT_BATCH: NonZeroUsize = NonZeroUsize::new(4).expect("4 is not 0");
 /// first scenario.
 #[must_use = "a benchmark does nothing until `run` is called"]
 pub struct Benchmark {
-    scenarios: Scenarios,
+    /// Scenarios in memory, in place of those of the specification.
+    scenarios: Option<Vec<Scenario>>,
     spec: RunSpec,
     /// Whether the default baselines run if no simulator is named, as for `reactsim run`.
     has_defaults: bool,
@@ -81,12 +81,6 @@ pub struct Benchmark {
     stop: Arc<AtomicBool>,
 }
 
-enum Scenarios {
-    /// Those of the specification.
-    Specified,
-    Memory(Vec<Scenario>),
-}
-
 /// A simulator that is not a baseline.
 enum Entry {
     Own(Box<PlannedSimulator>),
@@ -97,10 +91,7 @@ enum Entry {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BenchmarkError {
-    /// A scenario file or a file of deviations cannot be read.
-    #[error(transparent)]
-    Format(#[from] FormatError),
-    /// A simulator is unknown or repeated, or the run folder cannot be written.
+    /// A file cannot be read, a simulator is unknown or repeated, or the run folder cannot be written.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
     /// The id of a metric is taken or malformed, or tables cannot print its title or unit.
@@ -139,31 +130,32 @@ pub struct Results {
 impl Benchmark {
     /// The benchmark that ships with the crate, with its deviated AVs.
     pub fn shipped() -> Self {
-        Self::of(Scenarios::Specified, RunSpec::default())
+        Self::of(RunSpec::default())
     }
 
     /// Scenarios from files, folders and URLs in any of [`FORMATS`](crate::formats::FORMATS).
     pub fn files<P: Into<PathBuf>>(paths: impl IntoIterator<Item = P>) -> Self {
         let mut spec = RunSpec::default();
         spec.subject.input.scenarios = paths.into_iter().map(Into::into).collect();
-        Self::of(Scenarios::Specified, spec)
+        Self::of(spec)
     }
 
     /// What a specification states, as `reactsim run FILE` reads it: without scenarios, the shipped ones;
     /// without simulators, of its own or added ones, the default baselines. Its external programs are started.
     /// Its smoothing stage is behind all simulators but those of [`Self::simulator`] and [`Self::oracle`].
     pub fn specified(spec: RunSpec) -> Self {
-        Self { has_defaults: true, ..Self::of(Scenarios::Specified, spec) }
+        Self { has_defaults: true, ..Self::of(spec) }
     }
 
     /// Scenarios in memory.
     pub fn scenarios(scenarios: impl IntoIterator<Item = Scenario>) -> Self {
-        Self::of(Scenarios::Memory(scenarios.into_iter().collect()), RunSpec::default())
+        let scenarios = Some(scenarios.into_iter().collect());
+        Self { scenarios, ..Self::of(RunSpec::default()) }
     }
 
-    fn of(scenarios: Scenarios, spec: RunSpec) -> Self {
+    fn of(spec: RunSpec) -> Self {
         Self {
-            scenarios,
+            scenarios: None,
             spec,
             has_defaults: false,
             limit: None,
@@ -454,8 +446,8 @@ impl Benchmark {
         }
         let (input, av) = (&spec.subject.input, spec.subject.av.as_ref());
         let sources = match scenarios {
-            Scenarios::Specified => input.open(Opening::Whole, av)?.0,
-            Scenarios::Memory(scenarios) => vec![input.in_memory(scenarios, av)?],
+            None => input.open(Opening::Whole, av)?.0,
+            Some(scenarios) => vec![input.in_memory(scenarios, av)?],
         };
         Ok(spec.plan(RunParts { sources, simulators, drivers, metrics, partition: None })?)
     }

@@ -1,7 +1,6 @@
 //! The command line: arguments, progress, exit codes. One file per subcommand. The only module that
 //! prints.
 
-mod also;
 mod arguments;
 mod certified;
 mod command_line;

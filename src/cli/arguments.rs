@@ -30,13 +30,13 @@ pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> anyhow::Result
     for argument in command.get_arguments() {
         let id = argument.get_id().as_str();
         let values: Vec<&OsStr> = matches.try_get_raw(id).ok().flatten().into_iter().flatten().collect();
+        check_folders(argument, &values)?;
+        check_keys(argument, &values)?;
         if is_written(argument) {
             outputs.extend(values.into_iter().map(|value| (name_of(argument), Path::new(value))));
         } else {
             inputs.extend(values.into_iter().flat_map(|value| read_paths(argument, value)));
         }
-        check_folders(argument, matches)?;
-        check_keys(argument, matches)?;
     }
     for (at, (name, output)) in outputs.iter().enumerate() {
         let shown = output.display();
@@ -54,11 +54,10 @@ pub(super) fn check(all: &clap::Command, matches: &ArgMatches) -> anyhow::Result
 }
 
 /// Refuses a key that has two values: `--set idm.a=1 --set idm.a=2`.
-fn check_keys(argument: &Arg, matches: &ArgMatches) -> anyhow::Result<()> {
+fn check_keys(argument: &Arg, values: &[&OsStr]) -> anyhow::Result<()> {
     let has_keys = argument.get_value_names().is_some_and(|names| names.iter().any(|name| has_key(name)));
-    let values = matches.try_get_raw(argument.get_id().as_str()).ok().flatten().into_iter().flatten();
     let mut seen = BTreeSet::new();
-    for (key, _) in values.filter(|_| has_keys).filter_map(|value| value.to_str()?.split_once('=')) {
+    for (key, _) in values.iter().filter(|_| has_keys).filter_map(|value| value.to_str()?.split_once('=')) {
         if !seen.insert(key.trim()) {
             bail!("{} has two values for `{}`: give one", name_of(argument), key.trim());
         }
@@ -72,10 +71,9 @@ fn has_key(name: &str) -> bool {
 }
 
 /// Refuses a file where a folder is written.
-fn check_folders(argument: &Arg, matches: &ArgMatches) -> anyhow::Result<()> {
+fn check_folders(argument: &Arg, values: &[&OsStr]) -> anyhow::Result<()> {
     let is_folder = argument.get_value_names().is_some_and(|names| names.iter().any(|name| name == FOLDER));
-    let values = matches.try_get_raw(argument.get_id().as_str()).ok().flatten().into_iter().flatten();
-    match values.map(Path::new).find(|path| is_folder && path.exists() && !path.is_dir()) {
+    match values.iter().map(Path::new).find(|path| is_folder && path.exists() && !path.is_dir()) {
         Some(path) => bail!("{} {} is a file, expected a folder", name_of(argument), path.display()),
         None => Ok(()),
     }

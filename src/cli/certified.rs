@@ -11,36 +11,29 @@ use crate::scene::{AgentState, Certificate, Frame, Scenario};
 /// Name that takes the place of a simulator in the ids of the scenarios.
 const NAME: &str = "certificate";
 
-/// Deviated AVs with certificates, by scenario.
-pub(super) struct Certified {
-    deviations: Deviations,
+/// Reads a file of deviations. At least one of them must have a certificate.
+pub(super) fn open(path: &Path) -> anyhow::Result<Deviations> {
+    let deviations = Deviations::read(path)?;
+    if deviations.tracks.values().all(|record| record.certificate.is_none()) {
+        bail!("{}: no deviation has a certificate: take a file that `curate` wrote", path.display());
+    }
+    Ok(deviations)
 }
 
-impl Certified {
-    /// Reads a file of deviations. At least one of them must have a certificate.
-    pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
-        let deviations = Deviations::read(path)?;
-        if deviations.tracks.values().all(|record| record.certificate.is_none()) {
-            bail!("{}: no deviation has a certificate: take a file that `curate` wrote", path.display());
+/// Lets the AV follow its deviation and each agent its response; agents without a response keep their log. Appends
+/// `certificate` to the id. Returns `false` if there is no certificate for the scenario.
+pub(super) fn put_into(deviations: &Deviations, scenario: &mut Scenario) -> anyhow::Result<bool> {
+    let Some(record) = deviations.tracks.get(&scenario.id) else { return Ok(false) };
+    let Some(certificate) = record.certificate_in(scenario.origin) else { return Ok(false) };
+    let place = format!("{}: `{}`", deviations.file.name, scenario.id);
+    if let Some(wanted) = &record.scenario_digest {
+        let found = scenario.digest();
+        if found != *wanted {
+            bail!("{place}: made for a scenario with the digest {wanted}, not {found}");
         }
-        Ok(Self { deviations })
     }
-
-    /// Lets the AV follow its deviation and each agent its response; agents without a response keep their
-    /// log. Appends `certificate` to the id. Returns `false` if the file has no certificate for the scenario.
-    pub(super) fn put_into(&self, scenario: &mut Scenario) -> anyhow::Result<bool> {
-        let Some(record) = self.deviations.tracks.get(&scenario.id) else { return Ok(false) };
-        let Some(certificate) = record.certificate_in(scenario.origin) else { return Ok(false) };
-        let place = format!("{}: `{}`", self.deviations.file.name, scenario.id);
-        if let Some(wanted) = &record.scenario_digest {
-            let found = scenario.digest();
-            if found != *wanted {
-                bail!("{place}: made for a scenario with the digest {wanted}, not {found}");
-            }
-        }
-        put(scenario, &record.track_in(scenario.origin), &certificate).context(place)?;
-        Ok(true)
-    }
+    put(scenario, &record.track_in(scenario.origin), &certificate).context(place)?;
+    Ok(true)
 }
 
 /// Lets the AV follow a track, and each agent its response; agents without a response keep their log. Appends

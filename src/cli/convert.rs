@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 
-use super::certified::Certified;
+use super::certified;
 use super::futures::Futures;
 use super::inputs::inputs_of;
 use super::output::{ExitStatus, count, nothing, say};
@@ -49,40 +49,33 @@ pub(super) struct ConvertArgs {
 pub(super) fn convert(args: &ConvertArgs) -> anyhow::Result<ExitStatus> {
     // Find all inputs before reading the first and before touching the output.
     let inputs = inputs_of(&args.reading, &args.inputs)?;
-    let mut futures = match (&args.futures, &args.model, &args.certificates) {
-        (Some(path), Some(model), _) => Some(NewFutures::Rollouts(Box::new(Futures::open(path, model)?))),
-        (_, _, Some(path)) => Some(NewFutures::Certificates(Box::new(Certified::open(path)?))),
+    let replacer: Option<Replacer> = match (&args.futures, &args.model, &args.certificates) {
+        (Some(path), Some(model), _) => {
+            let mut futures = Futures::open(path, model)?;
+            Some(Box::new(move |scenario| futures.put_into(scenario)))
+        }
+        (_, _, Some(path)) => {
+            let deviations = certified::open(path)?;
+            Some(Box::new(move |scenario| certified::put_into(&deviations, scenario)))
+        }
         _ => None,
     };
     let progress = Progress::new();
-    let streamed = stream(&inputs, args, futures.as_mut(), &progress);
+    let streamed = stream(&inputs, args, replacer, &progress);
     progress.end();
     let (good, bad) = streamed?;
     say(format_args!("converted {}, {bad} failed", count(good, "scenario")));
     Ok(if bad > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }
 
-/// Futures that replace the logged ones.
-enum NewFutures {
-    Rollouts(Box<Futures>),
-    Certificates(Box<Certified>),
-}
-
-impl NewFutures {
-    /// Replaces the future of a scenario. Returns `false` if there is none for it.
-    fn put_into(&mut self, scenario: &mut Scenario) -> anyhow::Result<bool> {
-        match self {
-            Self::Rollouts(futures) => futures.put_into(scenario),
-            Self::Certificates(certified) => certified.put_into(scenario),
-        }
-    }
-}
+/// Replaces the future of a scenario. Returns `false` if there is none for it.
+type Replacer = Box<dyn FnMut(&mut Scenario) -> anyhow::Result<bool>>;
 
 /// Writes every readable scenario. Returns the numbers of written and of failed scenarios.
 fn stream(
     inputs: &[formats::Input],
     args: &ConvertArgs,
-    mut futures: Option<&mut NewFutures>,
+    mut replacer: Option<Replacer>,
     progress: &Progress,
 ) -> anyhow::Result<(usize, usize)> {
     let mut writer = Writer::create(&args.out)?;
@@ -106,8 +99,8 @@ fn stream(
                 continue;
             }
         };
-        if let Some(futures) = &mut futures
-            && !futures.put_into(&mut scenario)?
+        if let Some(replace) = &mut replacer
+            && !replace(&mut scenario)?
         {
             continue;
         }

@@ -5,7 +5,9 @@ use std::path::Path;
 use anyhow::Context;
 
 use super::output::{count, note, say};
-use crate::evaluation::{EVENTS, ROUTE_ENDS, ROWS, RunFolder, SUMMARY, Summary, TABLE};
+use crate::evaluation::{
+    EVENTS, Failure, ROUTE_ENDS, ROWS, RunFolder, SUMMARY, SimulatorSummary, Summary, TABLE,
+};
 use crate::models::qp::FAILED_SOLVES;
 use crate::report::{Run, TableStyle, exporter, markdown_text};
 use crate::rollout::{NOT_FINITE, PLANNED_ALONE};
@@ -83,39 +85,33 @@ pub(super) fn report_notes(summary: &Summary) {
     }
 }
 
-/// Returns the notes about the scenarios as a Markdown list.
-fn notes(summary: &Summary) -> String {
-    let notes = &summary.provenance.notes;
-    let lines: String = notes.iter().map(|(id, found)| format!("- {}\n", found.text(id))).collect();
-    if lines.is_empty() { lines } else { format!("\nNotes:\n\n{lines}") }
+/// Returns a Markdown list below a title; nothing without lines.
+fn list(title: &str, lines: impl Iterator<Item = String>) -> String {
+    let lines: String = lines.map(|line| format!("- {line}\n")).collect();
+    if lines.is_empty() { lines } else { format!("\n{title}:\n\n{lines}") }
 }
 
-/// Returns one line per simulator that counts plan outcomes.
-fn outcome_lines(summary: &Summary) -> impl Iterator<Item = String> {
+/// Returns the notes about the scenarios.
+fn notes(summary: &Summary) -> String {
+    list("Notes", summary.provenance.notes.iter().map(|(id, found)| found.text(id)))
+}
+
+/// Returns the plan outcomes, with a line per simulator that counts some.
+pub(super) fn outcomes(summary: &Summary) -> String {
     let counting = summary.simulators.iter().filter(|(_, s)| !s.outcomes.is_empty());
-    counting.map(|(id, simulator)| {
+    let line = |(id, simulator): (&String, &SimulatorSummary)| {
         let all = simulator.outcomes.iter().map(|(name, n)| format!("{n} {name}"));
         format!("{id}: {}", all.collect::<Vec<_>>().join(", "))
-    })
+    };
+    list("How plans ended", counting.map(line))
 }
 
-/// Returns the plan outcomes as a Markdown list.
-pub(super) fn outcomes(summary: &Summary) -> String {
-    let lines: String = outcome_lines(summary).map(|line| format!("- {line}\n")).collect();
-    if lines.is_empty() { lines } else { format!("\nHow plans ended:\n\n{lines}") }
-}
-
-/// Returns the failures as a Markdown list.
+/// Returns the failures.
 fn failures(summary: &Summary) -> String {
-    let failures = &summary.provenance.failures;
-    let mut text = String::new();
-    if !failures.is_empty() {
-        text.push_str("\nFailed:\n\n");
-    }
-    for failure in failures {
+    let line = |failure: &Failure| {
         let simulator = failure.simulator.as_deref().map(|s| format!(" ({s})")).unwrap_or_default();
         let line = format!("{} record {}{simulator}: {}", failure.file, failure.record, failure.error);
-        text.push_str(&format!("- {}\n", markdown_text(&line)));
-    }
-    text
+        markdown_text(&line)
+    };
+    list("Failed", summary.provenance.failures.iter().map(line))
 }

@@ -7,6 +7,7 @@ use std::{mem, slice};
 use clap::Args;
 
 use super::inputs::find_inputs;
+use super::output::say;
 use crate::evaluation::{
     EvaluationError, NuplanSpec, ReadingSpec, RunSpec, ScenarioFiles, ScenarioSpec, Source, StudyResults,
     is_study, read_provenance,
@@ -40,12 +41,17 @@ impl RunScenarioArgs {
     }
 }
 
-/// Opens the runs in these folders, members of studies included, with these scenarios.
+/// Opens the runs in these folders, members of studies included, with these scenarios. Says why scenes are
+/// unavailable, if they are.
 pub(super) fn open(folders: &[PathBuf], scenarios: &RunScenarioArgs) -> anyhow::Result<Gallery> {
     let (members, studies) = members(folders)?;
     let folders: Vec<&Path> = members.iter().map(|member| member.folder.as_path()).collect();
     let files = scenario_files(&folders, &scenarios.inputs()?)?;
-    Ok(Gallery::open(members, studies, files)?)
+    let gallery = Gallery::open(members, studies, files)?;
+    for note in gallery.missing_for_scenes() {
+        say(format_args!("note: {note}"));
+    }
+    Ok(gallery)
 }
 
 /// Returns these scenarios of runs. The shipped benchmark is always available, and so are inputs of the runs that

@@ -21,7 +21,8 @@ pub(super) fn generate(args: &GenerateArgs) -> anyhow::Result<ExitStatus> {
     if let Some(partition) = args.partition.partition {
         return partition::generate(args, partition);
     }
-    let (out, wanted, settings, jobs) = (args.out.as_path(), args.count, &args.settings()?, args.jobs());
+    let (out, wanted, settings, jobs) =
+        (args.out.as_path(), args.count, &args.settings()?, args.jobs.count());
     let stop = stop_on_interrupt("writing what is finished")?;
     let progress = Progress::new();
     let job = Job { settings, wanted, jobs, out, progress: &progress, stop: &stop };

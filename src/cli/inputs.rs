@@ -7,7 +7,7 @@ use super::output::say;
 use crate::evaluation::realism::LogSource;
 use crate::evaluation::{AvChoice, Deviations, Opening, ReadingSpec, ScenarioSpec, Selection, Source};
 use crate::formats::{Input, PassedOver};
-use crate::scene::Scenario;
+use crate::scene::{DeviatedTrack, Scenario};
 
 /// Finds the scenario files at all paths and recognises their formats. Warns of files that have the
 /// name of a scenario file only.
@@ -53,12 +53,12 @@ pub(super) struct SelectedScenarios {
     sources: Vec<Source>,
     selection: Selection,
     /// The file of deviated AVs, if one is given.
-    pub(super) deviations: Option<Deviations>,
+    deviations: Option<Deviations>,
 }
 
 impl SelectedScenarios {
-    /// Passes every selected scenario to `visit`; of a file of deviations, those that it has. Files and
-    /// scenarios that cannot be read are warnings; returns their number.
+    /// Passes every selected scenario to `visit`; of a file of deviations, those that it has, with the deviated
+    /// AVs there. Files and scenarios that cannot be read are warnings; returns their number.
     ///
     /// # Errors
     /// The first error of `visit`.
@@ -79,11 +79,17 @@ impl SelectedScenarios {
             };
             for scenario in scenarios {
                 match scenario {
-                    Ok(scenario) => {
-                        if self.selection.has(&scenario, deviations, false) {
-                            visit(scenario)?;
+                    Ok(mut scenario) if self.selection.has(&scenario, deviations, false) => {
+                        if let Some(record) = deviations.and_then(|all| all.get(&scenario.id)) {
+                            scenario.deviation = Some(DeviatedTrack {
+                                category: record.category,
+                                track: record.track_in(scenario.origin),
+                                certificate: record.certificate_in(scenario.origin),
+                            });
                         }
+                        visit(scenario)?;
                     }
+                    Ok(_) => {}
                     Err(error) => fail(&error),
                 }
             }

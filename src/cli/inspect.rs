@@ -1,7 +1,6 @@
 //! `reactsim inspect`: prints and draws a scenario.
 
 mod description;
-mod live;
 mod pictures;
 mod recorded;
 
@@ -140,10 +139,6 @@ struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    fn is_any(&self) -> bool {
-        self.id.is_none() && self.category.is_none()
-    }
-
     fn is(&self, scenario: &Scenario) -> bool {
         let category = scenario.deviation.as_ref().and_then(|d| d.category);
         self.id.is_none_or(|id| scenario.id == id) && self.category.is_none_or(|c| category == Some(c))
@@ -155,7 +150,7 @@ impl Wanted<'_> {
         mut scenarios: impl Iterator<Item = Result<Scenario, FormatError>>,
         place: &str,
     ) -> anyhow::Result<Scenario> {
-        if self.is_any() {
+        if self.id.is_none() && self.category.is_none() {
             let first = scenarios.next().ok_or_else(|| anyhow!("{place} is empty"))??;
             if scenarios.next().is_some() {
                 say(format_args!("note: there are more scenarios; choose one with --id"));

@@ -1,7 +1,6 @@
 //! `reactsim list`: models, metrics, formats and the like.
 
 mod columns;
-mod metric_options;
 mod parameters;
 mod scenarios;
 mod tasks;
@@ -14,7 +13,7 @@ use crate::evaluation::CASE_STUDIES;
 use crate::evaluation::ScenarioSpec;
 use crate::formats::FORMATS;
 use crate::generation::maps;
-use crate::metrics::{METRICS, Unit};
+use crate::metrics::{METRICS, OptionDescription, Options, Unit};
 use crate::models::nn::{Backend, check_backend};
 use crate::models::{Card, MODELS, weights};
 
@@ -62,24 +61,21 @@ const MIX: &str = "Mixed traffic: each agent is drawn to one of several of these
                    mix:idm=0.5+ntp-guarded=0.5+pedestrian=constant-velocity. Runs by its id.";
 
 pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
+    let mut failed = 0;
     let rows = match &args.what {
-        Kind::Parameters { model } => {
-            let rows = parameters::rows(model)?;
-            write_result(None, |out| wrapped(&rows, out))?;
-            return Ok(ExitStatus::Done);
-        }
+        Kind::Parameters { model } => parameters::rows(model)?,
         Kind::Scenarios(args) => {
-            let (rows, failed) = scenarios::rows(args)?;
-            write_result(None, |out| aligned(&rows, out))?;
-            return Ok(if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done });
+            let found = scenarios::rows(args)?;
+            failed = found.1;
+            found.0
         }
-        Kind::Tasks => {
-            write_result(None, |out| wrapped(&tasks::rows(), out))?;
-            return Ok(ExitStatus::Done);
-        }
+        Kind::Tasks => tasks::rows(),
         Kind::MetricOptions => {
-            write_result(None, |out| wrapped(&metric_options::rows(), out))?;
-            return Ok(ExitStatus::Done);
+            let headings = ["option", "default", "values", "description"].map(str::to_owned).to_vec();
+            let row = |option: OptionDescription| {
+                vec![option.name.to_owned(), option.default, option.values, option.about.to_owned()]
+            };
+            std::iter::once(headings).chain(Options::descriptions().into_iter().map(row)).collect()
         }
         Kind::Models => {
             let mut rows = Vec::new();
@@ -128,6 +124,9 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
             .collect(),
         Kind::Maps => maps::all().map(|m| vec![m.id.to_owned(), m.title.to_owned()]).collect(),
     };
-    write_result(None, |out| aligned(&rows, out))?;
-    Ok(ExitStatus::Done)
+    write_result(None, |out| match &args.what {
+        Kind::Parameters { .. } | Kind::Tasks | Kind::MetricOptions => wrapped(&rows, out),
+        _ => aligned(&rows, out),
+    })?;
+    Ok(if failed > 0 { ExitStatus::SomeFailed } else { ExitStatus::Done })
 }

@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::output::{ExitStatus, count, lock_folder, note, say, write_file};
+use super::output::{ExitStatus, count, lock_folder, note, say, write_result};
 use crate::evaluation::{EvaluationError, differences};
 use crate::files::FolderLock;
 use crate::formats::Partition;
@@ -77,8 +77,7 @@ pub(super) fn finish(
         subject: serde_json::to_value(subject)?,
     };
     let (path, text) = (folder.join(PARTITION), serde_json::to_string_pretty(&record)?);
-    write_file(&path, |out| writeln!(out, "{text}"))
-        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(Some(&path), |out| writeln!(out, "{text}"))?;
     note(format_args!("partition {partition} is finished; next: reactsim merge FOLDERS --out PATH"));
     if failed > 0 {
         say(format_args!("warning: {failed} failed"));

@@ -7,7 +7,7 @@ use anyhow::bail;
 use clap::Args;
 
 use super::gallery;
-use super::output::{ExitStatus, say, write_result};
+use super::output::{ExitStatus, write_result};
 use super::table_output::{TableArgs, formats};
 use crate::evaluation::{StudyResults, Summary, is_study, read_summary};
 use crate::report::{Run, TableStyle, study_tables};
@@ -109,9 +109,6 @@ fn page(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
         bail!("the page has switches of its own: leave the options of tables out");
     }
     let gallery = gallery::open(&args.runs, &args.scenarios)?;
-    for note in gallery.missing_for_scenes() {
-        say(format_args!("note: {note}"));
-    }
     let mut page = Vec::new();
     gallery.write(&args.case, args.cases.unwrap_or(DEFAULT_CASES), args.all, &mut page)?;
     write_result(args.out.as_deref(), |out| out.write_all(&page))?;

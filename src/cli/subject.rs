@@ -11,17 +11,17 @@ use crate::evaluation::{AvChoice, AvDriver, Driver, Execution, ExternalPrograms,
 use crate::work::available_threads;
 
 /// Number of threads, which does not change any result.
-#[derive(Debug, Args)]
+#[derive(Clone, Copy, Debug, Args)]
 pub(super) struct JobsArg {
     /// Threads; they do not change the result [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    pub(super) jobs: Option<u16>,
 }
 
 impl JobsArg {
-    /// Returns the number of threads, or another one if none is given.
-    pub(super) fn or(&self, other: usize) -> usize {
-        self.jobs.map_or(other, usize::from)
+    /// Returns the number of threads.
+    pub(super) fn count(self) -> usize {
+        self.jobs.map_or_else(available_threads, usize::from)
     }
 }
 
@@ -37,7 +37,7 @@ pub(super) struct ExecutionArgs {
 
 impl ExecutionArgs {
     pub(super) fn execution(&self) -> Execution {
-        Execution { jobs: self.jobs.or(available_threads()), batch: self.batch.get() }
+        Execution { jobs: self.jobs.count(), batch: self.batch.get() }
     }
 }
 

@@ -4,12 +4,12 @@ use std::io::{self, IsTerminal};
 use std::path::Path;
 
 use anyhow::bail;
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use console::Term;
 
-use super::also::{ExtraColumns, column};
 use super::output::write_result;
+use crate::metrics::METRICS;
 use crate::report::terminal::{self, TerminalStyle};
 use crate::report::{Column, Division, EXPORTERS, Run, TableStyle, exporter};
 
@@ -37,8 +37,11 @@ pub(super) struct ColumnArgs {
     #[arg(long, value_name = "METRIC", value_delimiter = ',', hide_possible_values = true,
           value_parser = column())]
     columns: Vec<Column>,
-    #[command(flatten)]
-    also: ExtraColumns,
+    /// Additional table columns: metrics, separated by commas, such as log-clinging
+    /// (`reactsim list metrics` names all)
+    #[arg(long, value_name = "METRIC", value_delimiter = ',', hide_possible_values = true,
+          value_parser = column())]
+    also: Vec<Column>,
     /// In Markdown and LaTeX: print the best numbers among comparable runs in bold
     #[arg(long)]
     bold: bool,
@@ -48,6 +51,12 @@ pub(super) struct ColumnArgs {
     /// Label of a LaTeX table, such as tab:results
     #[arg(long, value_name = "LABEL")]
     label: Option<String>,
+}
+
+/// Parses the id of a metric; clap answers an unknown id with all ids and the most similar one.
+fn column() -> impl TypedValueParser<Value = Column> {
+    let ids = METRICS.iter().map(|m| m.spec().id);
+    PossibleValuesParser::new(ids).try_map(|id| Column::of(&id).ok_or_else(|| format!("no metric `{id}`")))
 }
 
 /// Parts of the scenarios that get tables of their own.
@@ -63,7 +72,7 @@ impl ColumnArgs {
     /// Returns whether nothing was asked for.
     fn is_usual(&self) -> bool {
         let texts = self.caption.is_none() && self.label.is_none();
-        self.columns.is_empty() && self.also.columns().is_empty() && !self.bold && texts
+        self.columns.is_empty() && self.also.is_empty() && !self.bold && texts
     }
 
     /// Refuses options that this format has no use for; `with_columns` are the formats that have columns.
@@ -73,7 +82,7 @@ impl ColumnArgs {
             ("--label", self.label.is_some(), &["latex"]),
             ("--bold", self.bold, &["markdown", "latex"]),
             ("--columns", !self.columns.is_empty(), with_columns),
-            ("--also", !self.also.columns().is_empty(), with_columns),
+            ("--also", !self.also.is_empty(), with_columns),
         ];
         for (option, is_given, formats) in uses {
             if is_given && !formats.contains(&format) {
@@ -88,7 +97,7 @@ impl ColumnArgs {
     pub(super) fn style(&self) -> TableStyle<'_> {
         TableStyle {
             columns: &self.columns,
-            also: self.also.columns(),
+            also: &self.also,
             bold: self.bold,
             caption: self.caption.as_deref(),
             label: self.label.as_deref(),
@@ -153,6 +162,6 @@ impl TableArgs {
 
 /// Returns the names of all formats of tables, and of `others`.
 pub(super) fn formats<const N: usize>(others: [&'static str; N]) -> PossibleValuesParser {
-    let tables = [TERMINAL].into_iter().chain(EXPORTERS.iter().map(|e| e.id()));
+    let tables = [TERMINAL].into_iter().chain(EXPORTERS.iter().map(|exporter| exporter.id));
     PossibleValuesParser::new(tables.chain(others))
 }

@@ -27,9 +27,6 @@ pub(super) struct ViewArgs {
 
 pub(super) fn view(args: &ViewArgs) -> anyhow::Result<ExitStatus> {
     let gallery = gallery::open(&args.runs, &args.scenarios)?;
-    for note in gallery.missing_for_scenes() {
-        say(format_args!("note: {note}"));
-    }
     let loopback = Loopback::bind(args.port)?;
     let url = loopback.url();
     let stop = Stop::default();

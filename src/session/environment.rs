@@ -176,10 +176,7 @@ impl Environment {
     /// # Errors
     /// If a scenario cannot be used.
     pub fn reset(&mut self, episodes: &[EpisodeBeginning]) -> Result<(), RequestError> {
-        let mut slots = Vec::with_capacity(episodes.len());
-        for episode in episodes {
-            slots.push(self.slot(episode)?);
-        }
+        let slots = self.new_slots(episodes)?;
         let beginnings = slots.iter().zip(episodes).map(|(slot, episode)| slot.beginning(episode.rollout));
         let Traffic { controller, settings, .. } = &self.settings.traffic;
         // A simulator ends its episodes before it begins others.
@@ -227,7 +224,13 @@ impl Environment {
             }
             self.lockstep.step(&self.settings.traffic.controller, &self.settings.traffic.settings);
             for (i, _) in &moved {
-                let end = self.measure(*i, &mut stepped[*i])?;
+                let end = match self.failure(*i)? {
+                    Some(end) => Some(end),
+                    None => {
+                        let seen = self.lockstep.seen(*i);
+                        self.slots[*i].measure(&seen, &self.settings.end_at, &mut stepped[*i])
+                    }
+                };
                 if end == Some(End::Condition) {
                     self.lockstep.stop(*i);
                 }
@@ -293,17 +296,6 @@ impl Environment {
             return refused(reason);
         }
         Ok(Some(end))
-    }
-
-    /// Adds the measures of the step of a slot that was just realised. Returns the end of its episode.
-    fn measure(&mut self, slot: usize, stepped: &mut Stepped) -> Result<Option<End>, RequestError> {
-        Ok(match self.failure(slot)? {
-            Some(end) => Some(end),
-            None => {
-                let seen = self.lockstep.seen(slot);
-                self.slots[slot].measure(&seen, &self.settings.end_at, stepped)
-            }
-        })
     }
 
     /// Returns the next states of the AV of a slot under an action, with its motion after each.

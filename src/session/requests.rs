@@ -87,8 +87,7 @@ struct Episodes {
 }
 
 /// Begins an episode per slot; answers with the observations.
-pub(super) fn reset(request: &Frame, environment: &mut Option<Environment>) -> Answer {
-    let environment = existing(environment)?;
+pub(super) fn reset(request: &Frame, environment: &mut Environment) -> Answer {
     let Episodes { episodes } = arguments(request)?;
     if episodes.is_empty() || episodes.iter().enumerate().any(|(i, episode)| episode.slot != i) {
         return refused("`episodes` must have the slots 0, 1, …, at least one");
@@ -101,8 +100,7 @@ pub(super) fn reset(request: &Frame, environment: &mut Option<Environment>) -> A
 }
 
 /// Begins episodes in place of those in their slots; answers with their observations, in the same order.
-pub(super) fn begin(request: &Frame, environment: &mut Option<Environment>) -> Answer {
-    let environment = existing(environment)?;
+pub(super) fn begin(request: &Frame, environment: &mut Environment) -> Answer {
     let Episodes { episodes } = arguments(request)?;
     environment.begin(&episodes)?;
     let mut answer = FrameWriter::new("observation");
@@ -112,8 +110,7 @@ pub(super) fn begin(request: &Frame, environment: &mut Option<Environment>) -> A
 
 /// Executes the actions, f64 [slots, values], and begins the episodes of the arguments; answers with
 /// observations, measures and ends.
-pub(super) fn step(request: &Frame, environment: &mut Option<Environment>) -> Answer {
-    let environment = existing(environment)?;
+pub(super) fn step(request: &Frame, environment: &mut Environment) -> Answer {
     let Episodes { episodes } = arguments(request)?;
     let actions =
         request.floats("actions", &[environment.slots(), environment.settings().action.values()])?;
@@ -153,16 +150,16 @@ struct SlotArguments {
 }
 
 /// Answers with the realised states of a slot so far.
-pub(super) fn tracks(request: &Frame, environment: &mut Option<Environment>) -> Answer {
+pub(super) fn tracks(request: &Frame, environment: &Environment) -> Answer {
     let SlotArguments { slot } = arguments(request)?;
-    let (scenario, tracks) = existing(environment)?.tracks(slot)?;
+    let (scenario, tracks) = environment.tracks(slot)?;
     tracks_answer(scenario, tracks)
 }
 
 /// Answers with a picture of a slot.
-pub(super) fn draw(request: &Frame, environment: &mut Option<Environment>) -> Answer {
+pub(super) fn draw(request: &Frame, environment: &Environment) -> Answer {
     let drawing: Drawing = arguments(request)?;
-    let (scenario, tracks) = existing(environment)?.tracks(drawing.slot)?;
+    let (scenario, tracks) = environment.tracks(drawing.slot)?;
     drawing.answer(scenario, tracks)
 }
 
@@ -210,8 +207,7 @@ struct Beginning {
 }
 
 /// Begins an episode; answers with the ids of the agents that actions move, and their observations.
-pub(super) fn reset_world(request: &Frame, world: &mut Option<World>) -> Answer {
-    let world = existing(world)?;
+pub(super) fn reset_world(request: &Frame, world: &mut World) -> Answer {
     let Beginning { scenario, rollout } = arguments(request)?;
     let scenario = world.reset(scenario, rollout)?;
     let [agents, _] = world.actions();
@@ -223,8 +219,7 @@ pub(super) fn reset_world(request: &Frame, world: &mut Option<World>) -> Answer 
 }
 
 /// Executes the actions, f64 [agents, values]; answers with observations and measures.
-pub(super) fn step_world(request: &Frame, world: &mut Option<World>) -> Answer {
-    let world = existing(world)?;
+pub(super) fn step_world(request: &Frame, world: &mut World) -> Answer {
     let shape = world.actions();
     let stepped = world.step(&request.floats("actions", &shape)?)?;
     let end = stepped.is_over.then(|| end_document(world.scores())).transpose()?;
@@ -237,15 +232,15 @@ pub(super) fn step_world(request: &Frame, world: &mut Option<World>) -> Answer {
 }
 
 /// Answers with the realised states so far.
-pub(super) fn world_tracks(world: &mut Option<World>) -> Answer {
-    let (scenario, tracks) = existing(world)?.tracks()?;
+pub(super) fn world_tracks(world: &World) -> Answer {
+    let (scenario, tracks) = world.tracks()?;
     tracks_answer(scenario, tracks)
 }
 
 /// Answers with a picture.
-pub(super) fn draw_world(request: &Frame, world: &mut Option<World>) -> Answer {
+pub(super) fn draw_world(request: &Frame, world: &World) -> Answer {
     let drawing: Drawing = arguments(request)?;
-    let (scenario, tracks) = existing(world)?.tracks()?;
+    let (scenario, tracks) = world.tracks()?;
     drawing.answer(scenario, tracks)
 }
 
@@ -294,7 +289,7 @@ impl Drawing {
 }
 
 /// Returns the environment of an earlier request.
-fn existing<T>(environment: &mut Option<T>) -> Result<&mut T, RequestError> {
+pub(super) fn existing<T>(environment: &mut Option<T>) -> Result<&mut T, RequestError> {
     environment.as_mut().ok_or_else(|| RequestError::new("there is no environment: create one first"))
 }
 

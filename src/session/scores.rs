@@ -40,7 +40,10 @@ pub(super) fn score(request: &Frame, scenarios: &mut ScenarioCache) -> Answer {
     let given: ScoreArguments = arguments(request)?;
     let options = metric_options(&given.metric_options)?;
     let pose: Pose = given.pose.as_deref().map_or(Ok(Pose::Centre), str::parse).map_err(RequestError::new)?;
-    let allowed = given.allow.iter().map(|name| allowance(name)).collect::<Result<Vec<_>, _>>()?;
+    let allowance = |name: &String| -> Result<RolloutCheck, RequestError> {
+        name.parse().map_err(|error| RequestError::new(format_args!("unknown check `{name}`: {error}")))
+    };
+    let allowed = given.allow.iter().map(allowance).collect::<Result<Vec<_>, _>>()?;
     let known = scenarios.find(&given.reading, &given.scenario)?;
     let scenario = &known.scenario;
     let of_scenario = || scenario.start.agents.iter().map(|agent| agent.id.clone()).collect();
@@ -69,7 +72,10 @@ pub(super) struct Scored<'a> {
 
 impl<'a> Scored<'a> {
     pub(super) fn new(rows: &'a [Row], events: &[Vec<Event>]) -> Self {
-        Self { rows, events: event_lines(rows, events) }
+        let of_rollout = |(rollout, (row, events)): (u32, (&Row, &Vec<Event>))| {
+            events.iter().map(|event| EventLine::new(row, rollout, event)).collect()
+        };
+        Self { rows, events: (0..).zip(rows.iter().zip(events)).map(of_rollout).collect() }
     }
 }
 
@@ -80,18 +86,6 @@ pub(super) fn metric_options(named: &BTreeMap<String, String>) -> Result<Options
         options.set(name, value).map_err(RequestError::new)?;
     }
     Ok(options)
-}
-
-/// Returns the events of each rollout as lines of `events.jsonl`.
-fn event_lines(rows: &[Row], events: &[Vec<Event>]) -> Vec<Vec<EventLine>> {
-    let of_rollout = |(rollout, (row, events)): (u32, (&Row, &Vec<Event>))| {
-        events.iter().map(|event| EventLine::new(row, rollout, event)).collect()
-    };
-    (0..).zip(rows.iter().zip(events)).map(of_rollout).collect()
-}
-
-fn allowance(name: &str) -> Result<RolloutCheck, RequestError> {
-    name.parse().map_err(|error| RequestError::new(format_args!("unknown check `{name}`: {error}")))
 }
 
 /// Returns the number of rollouts, and the tracks of their agents one after the other.

@@ -4,6 +4,7 @@ use std::io;
 
 use super::environment::Environment;
 use super::realism::LogCache;
+use super::requests::existing;
 use super::scenarios::ScenarioCache;
 use super::wire::{Answer, failed, refused};
 use super::world::World;
@@ -52,16 +53,16 @@ impl Session {
             "wosac" => realism::score(request, &mut self.logs),
             "wosac-summary" => realism::summarise(request),
             "environment" => requests::create(request, &mut self.environment, parent),
-            "reset" => requests::reset(request, &mut self.environment),
-            "step" => requests::step(request, &mut self.environment),
-            "begin" => requests::begin(request, &mut self.environment),
-            "tracks" => requests::tracks(request, &mut self.environment),
-            "draw" => requests::draw(request, &mut self.environment),
+            "reset" => requests::reset(request, existing(&mut self.environment)?),
+            "step" => requests::step(request, existing(&mut self.environment)?),
+            "begin" => requests::begin(request, existing(&mut self.environment)?),
+            "tracks" => requests::tracks(request, existing(&mut self.environment)?),
+            "draw" => requests::draw(request, existing(&mut self.environment)?),
             "world" => requests::create_world(request, &mut self.world, parent),
-            "world-reset" => requests::reset_world(request, &mut self.world),
-            "world-step" => requests::step_world(request, &mut self.world),
-            "world-tracks" => requests::world_tracks(&mut self.world),
-            "world-draw" => requests::draw_world(request, &mut self.world),
+            "world-reset" => requests::reset_world(request, existing(&mut self.world)?),
+            "world-step" => requests::step_world(request, existing(&mut self.world)?),
+            "world-tracks" => requests::world_tracks(existing(&mut self.world)?),
+            "world-draw" => requests::draw_world(request, existing(&mut self.world)?),
             other => refused(format_args!(
                 "unknown request `{other}`: expected score, wosac, wosac-summary, environment, reset, step, \
                  begin, tracks, draw, world, world-reset, world-step, world-tracks or world-draw"

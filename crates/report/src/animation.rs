@@ -19,7 +19,7 @@ use resvg::usvg;
 
 use self::camera::Camera;
 use self::picture::Stage;
-use super::birdseye::{Mark, View, moving::StepRenderer};
+use super::birdseye::{Mark, Scene, View};
 
 /// Number of colours of an animation. Few colours give long runs of equal pixels, which compress well.
 const COLOURS: usize = 127;
@@ -151,20 +151,11 @@ impl<'a> Animation<'a> {
         let log = [Panel { title: self.scenario.id.clone(), ..Panel::default() }];
         let panels = if self.panels.is_empty() { &log[..] } else { &self.panels };
         let size = self.size.clamp(100, 1200);
-        let mut views: Vec<View<'_>> = panels
-            .iter()
-            .map(|p| View {
-                rollout: p.rollout,
-                marks: p.marks.clone(),
-                size: f64::from(size),
-                ..View::default()
-            })
-            .collect();
-        let camera = Camera::new(self, &views, f64::from(size));
-        views.iter_mut().for_each(|v| v.radius = camera.radius);
-        let renderers = views.iter().map(|view| StepRenderer::new(self.scenario, view)).collect();
-        let stage = Stage { panels, renderers, camera, size: size as usize };
-        work(&stage)
+        let view = |p: &Panel<'a>| View { rollout: p.rollout, marks: p.marks.clone(), ..View::default() };
+        let views: Vec<View<'_>> = panels.iter().map(view).collect();
+        let scenes: Vec<Scene<'_>> = views.iter().map(|view| Scene::new(self.scenario, view)).collect();
+        let camera = Camera::new(self, &scenes, f64::from(size));
+        work(&Stage { panels, scenes, camera, size: size as usize })
     }
 
     /// Draws a step: pixels in row-major order (red, green, blue, alpha).

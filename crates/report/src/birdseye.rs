@@ -9,7 +9,7 @@ mod agents;
 pub(crate) mod canvas;
 mod clip;
 mod ground;
-pub(super) mod moving;
+mod moving;
 pub(super) mod palette;
 
 use reactsim_geometry::Vec2;
@@ -18,24 +18,6 @@ use reactsim_scene::{DT, Frame, Scenario};
 
 pub(crate) use self::canvas::escape;
 use self::canvas::{Canvas, Window};
-
-/// Centre of a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Middle {
-    /// The AV at the drawn step.
-    Av,
-    /// A point in the scenario frame, metres.
-    Point(Vec2),
-}
-
-/// Arrangement of several drawn steps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
-    /// One panel per step, side by side, four to a row.
-    Strip,
-    /// All steps in one panel, earlier ones paler; the centre and the lights are those of the last step.
-    Overlay,
-}
 
 /// An event to mark in a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -85,23 +67,18 @@ pub fn marks_of(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Vec<Mark> {
     scores.events.into_iter().filter_map(mark).collect()
 }
 
-/// Settings of a picture.
+/// Settings of a picture, with the AV in the middle of each panel.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
-    /// Centre of the picture.
-    pub middle: Middle,
     /// Half of the side of a panel, metres; at least 5.
     pub radius: f64,
-    /// Steps to draw, 0 is the current frame; larger ones than the last step mean the last. If empty, step 0.
+    /// Steps to draw, one per panel, four panels to a row. 0 is the current frame; larger ones than the last
+    /// step mean the last. If empty, step 0.
     pub steps: Vec<usize>,
-    /// Arrangement of the steps.
-    pub layout: Layout,
     /// Side of a panel, pixels; at least 100.
     pub size: f64,
     /// Title; by default the id of the scenario.
     pub title: Option<String>,
-    /// Whether to write ids next to agents.
-    pub ids: bool,
     /// Realised tracks: the frames of each agent, in the order of the scenario; the log without them.
     pub rollout: Option<&'a [Vec<Frame>]>,
     /// Events of the rollout.
@@ -110,17 +87,7 @@ pub struct View<'a> {
 
 impl Default for View<'_> {
     fn default() -> Self {
-        Self {
-            middle: Middle::Av,
-            radius: 60.0,
-            steps: vec![0],
-            layout: Layout::Strip,
-            size: 720.0,
-            title: None,
-            ids: true,
-            rollout: None,
-            marks: Vec::new(),
-        }
+        Self { radius: 60.0, steps: vec![0], size: 720.0, title: None, rollout: None, marks: Vec::new() }
     }
 }
 
@@ -134,7 +101,7 @@ const LEGEND_HEIGHT: f64 = 34.0;
 const PANEL_GAP: f64 = 12.0;
 
 /// Input of the drawing functions.
-struct Scene<'a> {
+pub(crate) struct Scene<'a> {
     scenario: &'a Scenario,
     view: &'a View<'a>,
     /// The logged frames of each agent.
@@ -142,11 +109,11 @@ struct Scene<'a> {
     /// The current frame.
     current: usize,
     /// The last step.
-    last: usize,
+    pub(crate) last: usize,
 }
 
 impl<'a> Scene<'a> {
-    fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
+    pub(crate) fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
         let agents = scenario.start.agents.len();
         let length = scenario.length();
         Self {
@@ -164,7 +131,7 @@ impl<'a> Scene<'a> {
     }
 
     /// Returns a state of a drawn track; `None` if it is absent or the track is too short.
-    fn state(&self, agent: usize, step: usize) -> Frame {
+    pub(crate) fn state(&self, agent: usize, step: usize) -> Frame {
         let frame = self.tracks().get(agent)?.get(self.current + step).copied().flatten();
         frame.filter(|s| s.is_finite())
     }
@@ -177,53 +144,34 @@ pub fn draw(scenario: &Scenario, view: &View<'_>) -> String {
     if steps.is_empty() {
         steps.push(0);
     }
-    let panels: Vec<Vec<usize>> = match view.layout {
-        Layout::Strip => steps.into_iter().map(|s| vec![s]).collect(),
-        Layout::Overlay => {
-            steps.sort_unstable();
-            vec![steps]
-        }
-    };
     let size = if view.size.is_finite() { view.size.max(100.0) } else { 720.0 };
-    let (columns, rows) = (panels.len().min(PANELS_PER_ROW), panels.len().div_ceil(PANELS_PER_ROW));
+    let (columns, rows) = (steps.len().min(PANELS_PER_ROW), steps.len().div_ceil(PANELS_PER_ROW));
     let width = PANEL_GAP + columns as f64 * (size + PANEL_GAP);
     let height = TITLE_HEIGHT + rows as f64 * (size + PANEL_GAP) + LEGEND_HEIGHT;
     let mut canvas = Canvas::new(width, height);
     let title = view.title.as_deref().unwrap_or(&scenario.id);
     canvas.text(Vec2::new(PANEL_GAP, 26.0), title, "font-size=\"17\" font-weight=\"600\" fill=\"#22252b\"");
-    for (i, steps) in panels.iter().enumerate() {
+    for (i, &step) in steps.iter().enumerate() {
         let (column, row) = (i % PANELS_PER_ROW, i / PANELS_PER_ROW);
         let corner = Vec2::new(
             PANEL_GAP + column as f64 * (size + PANEL_GAP),
             TITLE_HEIGHT + row as f64 * (size + PANEL_GAP),
         );
-        panel(&mut canvas, &scene, steps, corner, size, i);
+        panel(&mut canvas, &scene, step, corner, size, i);
     }
     legend(&mut canvas, &scene, height - LEGEND_HEIGHT + 12.0, width);
     canvas.finish()
 }
 
-/// Draws one panel: the map, and the agents at the given steps, most prominently at the last one.
-fn panel(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize], corner: Vec2, size: f64, number: usize) {
-    let last = steps[steps.len() - 1];
-    let middle = match scene.view.middle {
-        Middle::Point(p) if p.x.is_finite() && p.y.is_finite() => p,
-        _ => {
-            let av = scene.state(0, last).unwrap_or_else(|| scene.scenario.start.now(0));
-            av.position()
-        }
-    };
+/// Draws one panel: the map, and the agents at a step.
+fn panel(canvas: &mut Canvas, scene: &Scene<'_>, step: usize, corner: Vec2, size: f64, number: usize) {
+    let middle = scene.state(0, step).unwrap_or_else(|| scene.scenario.start.now(0)).position();
     let radius = if scene.view.radius.is_finite() { scene.view.radius.max(5.0) } else { 60.0 };
     canvas.open_window(Window { middle, radius, corner, size }, number);
-    ground::draw(canvas, scene.scenario, scene.current + last);
-    agents::draw(canvas, scene, steps);
+    ground::draw(canvas, scene.scenario, scene.current + step);
+    agents::draw(canvas, scene, step);
     scale_bar(canvas, corner, size, radius);
-    let time = last as f64 * DT;
-    let label = match steps {
-        [_] => format!("step {last} · {time:.1} s"),
-        _ => format!("steps {} to {last} · {:.1} to {time:.1} s", steps[0], steps[0] as f64 * DT),
-    };
-    canvas.label(corner + Vec2::new(10.0, 22.0), &label);
+    canvas.label(corner + Vec2::new(10.0, 22.0), &format!("step {step} · {:.1} s", step as f64 * DT));
     canvas.close_window();
 }
 

@@ -76,9 +76,7 @@ pub fn write_differences(
 ) -> io::Result<()> {
     let head =
         ["Metric", "n", first, second, "Difference", "p", "Verdict", "Seen from", "Better in", "Worse in"];
-    let mut rows = vec![head.map(str::to_owned).to_vec()];
-    rows.extend(columns(comparison).map(|(column, paired)| row(&column, paired)));
-    write_aligned(out, &rows, 1)
+    write_aligned(out, &head, columns(comparison).map(|(column, paired)| row(&column, paired)), 1)
 }
 
 /// Returns the change of a metric in words, such as `Progress 0.855 → 0.810 (p 0.0400)`.

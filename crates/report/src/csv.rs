@@ -5,43 +5,30 @@ use std::io::{self, Write};
 
 use super::long::records;
 use super::terminal::is_unsafe;
-use super::{Exporter, Run, TableStyle};
+use super::{Run, TableStyle};
 
-/// The CSV format.
-pub(super) struct Csv;
-
-impl Exporter for Csv {
-    fn id(&self) -> &'static str {
-        "csv"
+pub(super) fn export(runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "run,av,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios")?;
+    for r in records(runs, style) {
+        let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
+        writeln!(
+            out,
+            "{},{},{},{},{},{},{},{},{},{},{},{}",
+            quote(r.run),
+            quote(r.av),
+            quote(r.simulator),
+            r.oracle,
+            r.kind,
+            quote(r.category.unwrap_or_default()),
+            quote(r.difficulty.unwrap_or_default()),
+            quote(r.metric),
+            number(r.estimate.mean),
+            number(r.estimate.low),
+            number(r.estimate.high),
+            r.estimate.scenarios
+        )?;
     }
-
-    fn title(&self) -> &'static str {
-        "one line per run, simulator, category or difficulty, and metric; rates are fractions"
-    }
-
-    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-        writeln!(out, "run,av,simulator,oracle,kind,category,difficulty,metric,mean,low,high,scenarios")?;
-        for r in records(runs, style) {
-            let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
-            writeln!(
-                out,
-                "{},{},{},{},{},{},{},{},{},{},{},{}",
-                quote(r.run),
-                quote(r.av),
-                quote(r.simulator),
-                r.oracle,
-                r.kind,
-                quote(r.category.unwrap_or_default()),
-                quote(r.difficulty.unwrap_or_default()),
-                quote(r.metric),
-                number(r.estimate.mean),
-                number(r.estimate.low),
-                number(r.estimate.high),
-                r.estimate.scenarios
-            )?;
-        }
-        Ok(())
-    }
+    Ok(())
 }
 
 /// Returns a text as a cell. Spreadsheets would take some beginnings for formulas: an apostrophe makes them

@@ -15,20 +15,17 @@ use super::markdown::{capital, escape, write_aligned};
 /// # Errors
 /// If `out` cannot be written.
 pub fn write_overview(out: &mut dyn Write, statistics: &Statistics) -> io::Result<()> {
-    write_aligned(out, &funnel(statistics), 1)?;
+    write_aligned(out, &["Step", "Scenarios", "Candidates"], funnel(statistics), 1)?;
     writeln!(out)?;
-    let mut rows = vec![texts(&["Category", "Chosen", "Share (%)"])];
-    for (name, part) in parts(statistics) {
-        rows.push(vec![name, part.count.to_string(), percent(part.share)]);
-    }
-    write_aligned(out, &rows, 1)?;
-    let mut rows = vec![texts(&["Difficulty", "Chosen", "Share (%)"])];
-    for (name, part) in Difficulty::ALL.iter().filter_map(|d| statistics.difficulties.get_key_value(d.name()))
-    {
-        rows.push(vec![capital(name), part.count.to_string(), percent(part.share)]);
-    }
+    let categories = parts(statistics);
+    let categories =
+        categories.into_iter().map(|(name, p)| vec![name, p.count.to_string(), percent(p.share)]);
+    write_aligned(out, &["Category", "Chosen", "Share (%)"], categories, 1)?;
+    let difficulties = Difficulty::ALL.iter().filter_map(|d| statistics.difficulties.get_key_value(d.name()));
+    let difficulties =
+        difficulties.map(|(name, p)| vec![capital(name), p.count.to_string(), percent(p.share)]);
     writeln!(out)?;
-    write_aligned(out, &rows, 1)
+    write_aligned(out, &["Difficulty", "Chosen", "Share (%)"], difficulties, 1)
 }
 
 /// Writes all tables of the paper's analysis.
@@ -41,12 +38,18 @@ pub fn write_statistics(out: &mut dyn Write, statistics: &Statistics) -> io::Res
     }
     write_overview(out, statistics)?;
     writeln!(out, "\nUnder log replay, scenarios with at least one:\n")?;
-    write_aligned(out, &pressure(statistics), 1)?;
+    let head = ["Category", "Collision, agent at fault (%)", "Any overlap (%)", "TTC below 0.5 s (%)"];
+    let pressure = parts(statistics).into_iter().map(|(name, Part { pressure: found, .. })| {
+        let shares = [found.at_fault, found.overlap, found.risky].map(percent);
+        std::iter::once(name).chain(shares).collect()
+    });
+    write_aligned(out, &head, pressure, 1)?;
     writeln!(
         out,
         "\nChosen candidates against their logs; offsets of the last position in the AV's frame at step 0:\n"
     )?;
-    write_aligned(out, &distributions(statistics), 2)?;
+    let head = ["Quantity", "Category", "n", "Mean", "Min", "25 %", "Median", "75 %", "Max"];
+    write_aligned(out, &head, distributions(statistics), 2)?;
     for (title, confusion) in [
         ("all candidates", &statistics.agreement.candidates),
         ("chosen candidates", &statistics.agreement.chosen),
@@ -56,7 +59,8 @@ pub fn write_statistics(out: &mut dyn Write, statistics: &Statistics) -> io::Res
             out,
             "\nWhat the source meant (rows) and the category found, {title}; the same in {share} %:\n"
         )?;
-        write_aligned(out, &agreement(confusion), 1)?;
+        let head = ["Meant".to_owned()].into_iter().chain(Deviation::ALL.map(|c| capital(c.name())));
+        write_aligned(out, &head.collect::<Vec<_>>(), agreement(confusion), 1)?;
     }
     let c = &statistics.certificates;
     writeln!(
@@ -78,10 +82,6 @@ pub fn write_statistics(out: &mut dyn Write, statistics: &Statistics) -> io::Res
     Ok(())
 }
 
-fn texts(cells: &[&str]) -> Vec<String> {
-    cells.iter().map(|c| (*c).to_owned()).collect()
-}
-
 /// Returns the categories in order, then their total.
 fn parts(statistics: &Statistics) -> Vec<(String, &Part)> {
     let of = |c: Deviation| Some((capital(c.name()), statistics.categories.get(c.name())?));
@@ -93,9 +93,8 @@ fn parts(statistics: &Statistics) -> Vec<(String, &Part)> {
 /// Returns one row per step with the numbers left, preceded by the rejections of the step.
 fn funnel(statistics: &Statistics) -> Vec<Vec<String>> {
     let funnel = &statistics.funnel;
-    let mut rows = vec![texts(&["Step", "Scenarios", "Candidates"])];
     let fell = |n: u64| if n > 0 { format!("−{n}") } else { "0".to_owned() };
-    rows.push(vec!["Read".into(), funnel.scenarios.to_string(), String::new()]);
+    let mut rows = vec![vec!["Read".into(), funnel.scenarios.to_string(), String::new()]];
     for (rule, n) in dropped(statistics) {
         rows.push(vec![format!("– {}", escape(rule)), fell(n), String::new()]);
     }
@@ -134,18 +133,7 @@ fn rejections(statistics: &Statistics) -> Vec<(&str, u64)> {
     known.chain(others.map(|(f, n)| (f.as_str(), *n))).collect()
 }
 
-fn pressure(statistics: &Statistics) -> Vec<Vec<String>> {
-    let head = ["Category", "Collision, agent at fault (%)", "Any overlap (%)", "TTC below 0.5 s (%)"];
-    let mut rows = vec![texts(&head)];
-    for (name, Part { pressure, .. }) in parts(statistics) {
-        rows.push(vec![name, percent(pressure.at_fault), percent(pressure.overlap), percent(pressure.risky)]);
-    }
-    rows
-}
-
 fn distributions(statistics: &Statistics) -> Vec<Vec<String>> {
-    let head = ["Quantity", "Category", "n", "Mean", "Min", "25 %", "Median", "75 %", "Max"];
-    let mut rows = vec![texts(&head)];
     type Of = fn(&Part) -> &Distribution;
     let quantities: [(&str, Of); 4] = [
         ("ADE (m)", |p| &p.ade),
@@ -153,6 +141,7 @@ fn distributions(statistics: &Statistics) -> Vec<Vec<String>> {
         ("Endpoint ahead (m)", |p| &p.endpoint_longitudinal),
         ("Endpoint to the left (m)", |p| &p.endpoint_lateral),
     ];
+    let mut rows = Vec::new();
     for (quantity, of) in quantities {
         for (name, part) in parts(statistics) {
             rows.push(distribution(quantity, name, of(part)));
@@ -172,18 +161,13 @@ fn distribution(quantity: &str, category: String, d: &Distribution) -> Vec<Strin
     row
 }
 
-fn agreement(confusion: &Confusion) -> Vec<Vec<String>> {
-    let mut head = vec!["Meant".to_owned()];
-    head.extend(Deviation::ALL.iter().map(|c| capital(c.name())));
-    let mut rows = vec![head];
-    for intent in Deviation::ALL {
-        let mut row = vec![capital(intent.name())];
+fn agreement(confusion: &Confusion) -> impl Iterator<Item = Vec<String>> {
+    Deviation::ALL.into_iter().map(|intent| {
         let line = confusion.counts.get(intent.name());
         let count = |c: Deviation| line.and_then(|l| l.get(c.name())).copied().unwrap_or(0);
-        row.extend(Deviation::ALL.map(|c| count(c).to_string()));
-        rows.push(row);
-    }
-    rows
+        let counts = Deviation::ALL.map(|c| count(c).to_string());
+        std::iter::once(capital(intent.name())).chain(counts).collect()
+    })
 }
 
 /// Formats a number with two digits, without a minus before zero; a dash for `None`.

@@ -3,26 +3,13 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use super::{Exporter, Run, TableStyle};
+use super::{Run, TableStyle};
 
-/// The JSON format.
-pub(super) struct Json;
-
-impl Exporter for Json {
-    fn id(&self) -> &'static str {
-        "json"
+pub(super) fn export(runs: &[Run<'_>], _: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    if let [only] = runs {
+        return out.write_all(only.summary.to_json().as_bytes());
     }
-
-    fn title(&self) -> &'static str {
-        "summary.json; several runs as {name: summary}"
-    }
-
-    fn export(&self, runs: &[Run<'_>], _: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-        if let [only] = runs {
-            return out.write_all(only.summary.to_json().as_bytes());
-        }
-        let named: BTreeMap<&str, _> = runs.iter().map(|r| (r.name, r.summary)).collect();
-        serde_json::to_writer_pretty(&mut *out, &named)?;
-        out.write_all(b"\n")
-    }
+    let named: BTreeMap<&str, _> = runs.iter().map(|r| (r.name, r.summary)).collect();
+    serde_json::to_writer_pretty(&mut *out, &named)?;
+    out.write_all(b"\n")
 }

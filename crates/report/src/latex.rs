@@ -7,46 +7,56 @@ use reactsim_evaluation::{Access, Estimate, Mark, Summary, TableMarks};
 
 use super::table::{self, Column, Line};
 use super::terminal::is_unsafe;
-use super::{Exporter, Run, TableStyle};
+use super::{Run, TableStyle};
 
-/// The LaTeX format.
-pub(super) struct Latex;
+pub(super) fn export(runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let columns = style.columns_of(runs);
+    let lines = table::lines(runs, None);
+    let best = table::best_of_columns(&columns, &lines);
+    let texts: Vec<&str> = lines.first().map_or(vec!["Method"], |line| {
+        let run = line.run.map(|_| "Run").into_iter().chain(line.av.map(|_| "AV"));
+        run.chain(["Method"]).collect()
+    });
+    let caption = style.caption.map_or_else(|| caption(runs, &lines, style.bold), escape);
+    let mut comments = table::provenances(runs);
+    comments.extend(table::fewer(runs, &columns, None));
+    begin_table(&comments, &caption, style.label, out)?;
+    let align = format!("{}{}", "l".repeat(texts.len()), "c".repeat(columns.len()));
+    let heads = texts.iter().map(|text| (*text).to_owned()).chain(columns.iter().map(column_head));
+    let rows = lines.iter().enumerate().map(|(i, line)| {
+        // The paper separates the oracles.
+        let is_apart = i > 0 && lines[i - 1].marks.is_oracle() && !line.marks.is_oracle();
+        let mut cells: Vec<String> = line.run.into_iter().chain(line.av).map(escape).collect();
+        cells.push(format!("{}{}", escape(line.title), mark(line.marks)));
+        cells.extend(columns.iter().zip(&best).map(|(column, best)| {
+            let Some(Estimate { mean: Some(mean), low, high, .. }) = line.metrics.get(column.metric) else {
+                return "--".to_owned();
+            };
+            let half = low.zip(*high).map(|(low, high)| column.number((high - low) / 2.0));
+            number(&column.number(*mean), half.as_deref(), style.bold && best[i])
+        }));
+        (is_apart, cells)
+    });
+    write_tabular(out, &align, &heads.collect::<Vec<_>>(), rows)?;
+    writeln!(out, "\\end{{table}}")
+}
 
-impl Exporter for Latex {
-    fn id(&self) -> &'static str {
-        "latex"
-    }
-
-    fn title(&self) -> &'static str {
-        "the paper's main table; needs \\usepackage{booktabs}"
-    }
-
-    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-        let columns = style.columns_of(runs);
-        let lines = table::lines(runs);
-        let best = table::best_of_columns(&columns, &lines);
-        let texts: Vec<&str> = lines.first().map_or(vec!["Method"], |line| {
-            let run = line.run.map(|_| "Run").into_iter().chain(line.av.map(|_| "AV"));
-            run.chain(["Method"]).collect()
-        });
-        let caption = style.caption.map_or_else(|| caption(runs, &lines, style.bold), escape);
-        let mut comments = table::provenances(runs);
-        comments.extend(table::fewer(runs, &columns, None));
-        begin_table(&comments, &caption, style.label, out)?;
-        let align = format!("{}{}", "l".repeat(texts.len()), "c".repeat(columns.len()));
-        writeln!(out, "  \\begin{{tabular}}{{{align}}}\n    \\toprule")?;
-        let heads: Vec<String> = columns.iter().map(column_head).collect();
-        writeln!(out, "    {} & {} \\\\\n    \\midrule", texts.join(" & "), heads.join(" & "))?;
-        for (i, line) in lines.iter().enumerate() {
-            // The paper separates the oracles.
-            if i > 0 && lines[i - 1].marks.is_oracle() && !line.marks.is_oracle() {
-                writeln!(out, "    \\midrule")?;
-            }
-            let best: Vec<bool> = best.iter().map(|column| style.bold && column[i]).collect();
-            writeln!(out, "    {} \\\\", row(&columns, line, &best))?;
+/// Writes a `tabular` with rows of LaTeX, each with whether a line sets it apart from the one above.
+pub(super) fn write_tabular(
+    out: &mut dyn Write,
+    align: &str,
+    head: &[String],
+    rows: impl IntoIterator<Item = (bool, Vec<String>)>,
+) -> io::Result<()> {
+    writeln!(out, "  \\begin{{tabular}}{{{align}}}\n    \\toprule")?;
+    writeln!(out, "    {} \\\\\n    \\midrule", head.join(" & "))?;
+    for (is_apart, row) in rows {
+        if is_apart {
+            writeln!(out, "    \\midrule")?;
         }
-        writeln!(out, "    \\bottomrule\n  \\end{{tabular}}\n\\end{{table}}")
+        writeln!(out, "    {} \\\\", row.join(" & "))?;
     }
+    writeln!(out, "    \\bottomrule\n  \\end{{tabular}}")
 }
 
 /// Begins a table with comments, caption and label.
@@ -120,20 +130,6 @@ fn sign(mark: Mark) -> &'static str {
         Mark::Access(Access::Oracle) => "$^\\dagger$",
         Mark::Allowed => "$^\\P$",
     }
-}
-
-/// Returns the cells of a line; `best` says which of its numbers are bold.
-fn row(columns: &[Column], line: &Line<'_>, best: &[bool]) -> String {
-    let mut cells: Vec<String> = line.run.into_iter().chain(line.av).map(escape).collect();
-    cells.push(format!("{}{}", escape(line.title), mark(line.marks)));
-    cells.extend(columns.iter().zip(best).map(|(column, best)| {
-        let Some(Estimate { mean: Some(mean), low, high, .. }) = line.metrics.get(column.metric) else {
-            return "--".to_owned();
-        };
-        let half = low.zip(*high).map(|(low, high)| column.number((high - low) / 2.0));
-        number(&column.number(*mean), half.as_deref(), *best)
-    }));
-    cells.join(" & ")
 }
 
 /// Returns a number with the half width of its interval, if it has one.

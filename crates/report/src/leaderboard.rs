@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use serde::Serialize;
 
 use super::csv::quote;
-use super::markdown::{cell, escape, legend, method, write_aligned};
+use super::markdown::{NUMBERS, cell, escape, marks, method, write_aligned};
 use super::table::{Column, count};
 use reactsim_evaluation::reference::{Entry, Status};
 use reactsim_evaluation::{BenchmarkRecord, Estimate, Summary, TableMarks};
@@ -85,17 +85,20 @@ impl<'a> Lines<'a> {
         Self { shown, repeated }
     }
 
-    /// Explains the ranks, and which lines are left out.
+    /// Explains marks, numbers and ranks, which lines are left out, and the statuses.
     fn legend(&self) -> Vec<String> {
         let titles = OBJECTIVES.map(|metric| Column::benchmark(metric).title()).join(", ");
-        let mut all = vec![format!(
+        let mut all = marks(self.shown.iter().map(|line| line.marks));
+        all.push(NUMBERS.to_owned());
+        all.push(format!(
             "Rank 1: no other method is at least as good in {titles} and better in one; rank 2: the same without \
              those of rank 1, and so on. Oracles, and methods without one of these numbers, have no \
              rank"
-        )];
+        ));
         if self.repeated > 0 {
             all.push(format!("{} of another entry left out", count(self.repeated, "repetition")));
         }
+        all.extend(status_legend(&self.shown).map(str::to_owned));
         all
     }
 }
@@ -149,19 +152,14 @@ fn about(entries: &[Entry]) -> String {
 }
 
 /// Explains the statuses of the lines.
-fn status_legend(lines: &[Line<'_>]) -> Vec<&'static str> {
-    let has = |status: Status| lines.iter().any(|line| line.entry.status == status);
-    let mut all = Vec::new();
-    if has(Status::Reference) {
-        all.push("reference: published results whose files have the digests that they state");
-    }
-    if has(Status::Verified) {
-        all.push("verified: the rollouts that the entry kept give its numbers again");
-    }
-    if has(Status::Unverified) {
-        all.push("unverified: the entry kept no rollouts that could be scored again");
-    }
-    all
+fn status_legend(lines: &[Line<'_>]) -> impl Iterator<Item = &'static str> {
+    let texts = [
+        (Status::Reference, "reference: published results whose files have the digests that they state"),
+        (Status::Verified, "verified: the rollouts that the entry kept give its numbers again"),
+        (Status::Unverified, "unverified: the entry kept no rollouts that could be scored again"),
+    ];
+    let is_there = |status: Status| lines.iter().any(|line| line.entry.status == status);
+    texts.into_iter().filter(move |(status, _)| is_there(*status)).map(|(_, text)| text)
 }
 
 /// Writes a leaderboard in one of the [`FORMS`].
@@ -180,21 +178,16 @@ fn write_markdown(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
     let (columns, lines) = (columns(entries), Lines::of(entries));
     let mut head = ["Rank", "Entry", "Method", "Status"].map(str::to_owned).to_vec();
     head.extend(columns.iter().map(Column::head));
-    let mut rows = vec![head];
-    for line in &lines.shown {
+    let row = |line: &Line<'_>| {
         let name = escape(&line.entry.name);
         let mut row = vec![rank_text(line.rank), name, method(line.title, line.marks)];
         row.push(line.entry.status.name().to_owned());
         row.extend(columns.iter().map(|c| cell(c, line.metrics.get(c.metric))));
-        rows.push(row);
-    }
-    write_aligned(out, &rows, 4)?;
+        row
+    };
+    write_aligned(out, &head, lines.shown.iter().map(row), 4)?;
     writeln!(out)?;
-    legend(out, lines.shown.iter().map(|l| l.marks))?;
     for text in lines.legend() {
-        writeln!(out, "{text}.")?;
-    }
-    for text in status_legend(&lines.shown) {
         writeln!(out, "{text}.")?;
     }
     writeln!(out, "{}.", escape(&about(entries)))
@@ -303,7 +296,7 @@ mod tests {
             assert!(lines.shown.iter().all(|line| line.entry.status == shown), "{order:?}");
             let repeated = (order.len() - 1) * methods;
             assert_eq!((lines.shown.len(), lines.repeated), (methods, repeated), "{order:?}");
-            let legend = status_legend(&lines.shown);
+            let legend: Vec<&str> = status_legend(&lines.shown).collect();
             assert!(legend.len() == 1 && legend[0].starts_with(shown.name()), "{legend:?}");
             let mut json = Vec::new();
             write(&entries, "json", &mut json).unwrap();

@@ -6,48 +6,35 @@ use reactsim_evaluation::{Estimate, TableMarks};
 
 use super::table::{self, Column, Division, Line};
 use super::terminal::is_unsafe;
-use super::{Exporter, Run, TableStyle};
+use super::{Run, TableStyle};
 
-/// The Markdown format.
-pub(super) struct Markdown;
-
-impl Exporter for Markdown {
-    fn id(&self) -> &'static str {
-        "markdown"
+pub(super) fn export(runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let columns = style.columns_of(runs);
+    let lines = table::lines(runs, None);
+    write_table(out, &columns, &lines, style.bold)?;
+    let of_av = Column::of_av(runs);
+    if !of_av.is_empty() {
+        writeln!(out, "\n{}:\n", escape(&table::av_title(runs)))?;
+        write_table(out, &of_av, &table::av_lines(runs), style.bold)?;
     }
-
-    fn title(&self) -> &'static str {
-        "tables for people, in terminals and documents"
+    for division in Division::ALL {
+        for part in division.parts(runs) {
+            let lines = table::lines(runs, Some((division, &part)));
+            let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
+            let title = capital(&escape(&division.title(&part)));
+            writeln!(out, "\n{title} ({}):\n", table::count(n, "scenario"))?;
+            write_table(out, &columns, &lines, style.bold)?;
+        }
     }
-
-    fn export(&self, runs: &[Run<'_>], style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-        let columns = style.columns_of(runs);
-        let lines = table::lines(runs);
-        write_table(out, &columns, &lines, style.bold)?;
-        let of_av = Column::of_av(runs);
-        if !of_av.is_empty() {
-            writeln!(out, "\n{}:\n", escape(&table::av_title(runs)))?;
-            write_table(out, &of_av, &table::av_lines(runs), style.bold)?;
-        }
-        for division in Division::ALL {
-            for part in division.parts(runs) {
-                let lines = table::part_lines(runs, division, &part);
-                let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
-                let title = capital(&escape(&division.title(&part)));
-                writeln!(out, "\n{title} ({}):\n", table::count(n, "scenario"))?;
-                write_table(out, &columns, &lines, style.bold)?;
-            }
-        }
-        writeln!(out)?;
-        legend(out, lines.iter().map(|l| l.marks))?;
-        if let Some(note) = table::fewer(runs, &columns, None) {
-            writeln!(out, "{note}.")?;
-        }
-        for provenance in table::provenances(runs) {
-            writeln!(out, "{}.", escape(&provenance))?;
-        }
-        Ok(())
+    writeln!(out)?;
+    legend(out, lines.iter().map(|l| l.marks))?;
+    if let Some(note) = table::fewer(runs, &columns, None) {
+        writeln!(out, "{note}.")?;
     }
+    for provenance in table::provenances(runs) {
+        writeln!(out, "{}.", escape(&provenance))?;
+    }
+    Ok(())
 }
 
 /// Writes a table with the heads of its columns; the best numbers are bold on request.
@@ -67,9 +54,8 @@ pub(super) fn write_table(
     head.extend(columns.iter().map(Column::head));
     head.extend(with_failed.then(|| "Failed".to_owned()));
     let texts = 1 + usize::from(with_run) + usize::from(with_av);
-    let mut rows = vec![head];
     let best = table::best_of_columns(columns, lines);
-    for (i, line) in lines.iter().enumerate() {
+    let row = |(i, line): (usize, &Line<'_>)| {
         let mut row: Vec<String> = line.run.into_iter().chain(line.av).map(escape).collect();
         row.push(method(line.title, line.marks));
         row.extend(columns.iter().zip(&best).map(|(column, best)| {
@@ -77,9 +63,9 @@ pub(super) fn write_table(
             if bold && best[i] { format!("**{text}**") } else { text }
         }));
         row.extend(with_failed.then(|| line.failed.to_string()));
-        rows.push(row);
-    }
-    write_aligned(out, &rows, texts)
+        row
+    };
+    write_aligned(out, &head, lines.iter().enumerate().map(row), texts)
 }
 
 /// Writes the explanation of the marks of a table.
@@ -87,11 +73,12 @@ pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = TableMark
     for text in marks(of) {
         writeln!(out, "{text}.")?;
     }
-    writeln!(
-        out,
-        "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is."
-    )
+    writeln!(out, "{NUMBERS}.")
 }
+
+/// What the numbers of tables are.
+pub(super) const NUMBERS: &str =
+    "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is";
 
 /// Returns the marks of these simulators with their explanations.
 pub(super) fn marks(of: impl IntoIterator<Item = TableMarks>) -> Vec<String> {
@@ -103,9 +90,16 @@ pub(super) fn method(title: &str, marks: TableMarks) -> String {
     format!("{} {}", escape(title), marks.signs()).trim_end().to_owned()
 }
 
-/// Writes rows of equal length as a table; the first row is the head. The first `texts` columns hold text
-/// and are left-aligned, the others numbers.
-pub(super) fn write_aligned(out: &mut dyn Write, rows: &[Vec<String>], texts: usize) -> io::Result<()> {
+/// Writes rows as long as the head as a table. The first `texts` columns hold text and are left-aligned, the
+/// others numbers.
+pub(super) fn write_aligned(
+    out: &mut dyn Write,
+    head: &[impl ToString],
+    rows: impl IntoIterator<Item = Vec<String>>,
+    texts: usize,
+) -> io::Result<()> {
+    let head = head.iter().map(ToString::to_string).collect();
+    let rows: Vec<Vec<String>> = std::iter::once(head).chain(rows).collect();
     let widths: Vec<usize> =
         (0..rows[0].len()).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect();
     for (i, row) in rows.iter().enumerate() {

@@ -19,9 +19,8 @@ const VARIANT_HEAD: [&str; 6] = ["Not equal", "With", "Paper", "Here", "95 % int
 /// # Errors
 /// If `out` cannot be written.
 pub fn write(comparison: &PaperComparison, out: &mut dyn Write) -> io::Result<()> {
-    let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
-    rows.extend(comparison.numbers.iter().map(|(number, found)| cells(vec![title(number)], number, found)));
-    write_aligned(out, &rows, 1)?;
+    let rows = comparison.numbers.iter().map(|(number, found)| cells(vec![title(number)], number, found));
+    write_aligned(out, &HEAD, rows, 1)?;
     writeln!(out, "\nPaper: arXiv 2606.14058, table 1, {PAPER_SCENARIOS} scenarios.")?;
     writeln!(out, "Here: {}.", count(comparison.scenarios, "scenario"))?;
     if comparison.scenarios != PAPER_SCENARIOS {
@@ -31,16 +30,12 @@ pub fn write(comparison: &PaperComparison, out: &mut dyn Write) -> io::Result<()
         writeln!(out, "Metric options of the run: {}.", comparison.options.join(" "))?;
     }
     if !comparison.variants.is_empty() {
-        let mut rows = vec![VARIANT_HEAD.map(str::to_owned).to_vec()];
-        rows.extend(comparison.variants.iter().map(|variant| {
-            cells(
-                vec![title(&variant.number), format!("`{}`", variant.variant)],
-                &variant.number,
-                &variant.found,
-            )
-        }));
+        let rows = comparison.variants.iter().map(|variant| {
+            let texts = vec![title(&variant.number), format!("`{}`", variant.variant)];
+            cells(texts, &variant.number, &variant.found)
+        });
         writeln!(out)?;
-        write_aligned(out, &rows, 2)?;
+        write_aligned(out, &VARIANT_HEAD, rows, 2)?;
         writeln!(
             out,
             "\nA variant explains a difference if its verdict is better than that above. Variants that change nothing are left out."

@@ -53,6 +53,20 @@ enum Title {
     Differences,
 }
 
+impl Title {
+    /// Returns the title, if there is one, with the heads of columns and the space before a unit of a format.
+    fn text(&self, head: fn(&Column) -> String, space: &str) -> Option<String> {
+        Some(match self {
+            Self::None => return None,
+            Self::ByInterval(column) => {
+                format!("{} by steps (of 0.1{space}s) between two plans", head(column))
+            }
+            Self::ByPlanner(column) => format!("{} by planner", head(column)),
+            Self::Differences => "Difference to the same simulator as it is".to_owned(),
+        })
+    }
+}
+
 /// The head of a column of numbers.
 enum Head {
     /// Number of steps between two plans.
@@ -161,8 +175,12 @@ fn by_interval<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Stud
     let all: Vec<(&Member, &Summary)> = members(results).collect();
     let Some((member, _)) = all.first() else { return Vec::new() };
     let columns = columns(results, member, style).into_iter();
-    let head = |member: &Member| Head::Interval(member.replan_steps.unwrap_or_default());
-    columns.map(|column| by_member(&all, column, Title::ByInterval(column), head)).collect()
+    let head = |member: &Member, _| Head::Interval(member.replan_steps.unwrap_or_default());
+    let table = |column| {
+        let shown = all.iter().map(|(member, summary)| (*member, *summary, column));
+        by_member(shown, Title::ByInterval(column), head)
+    };
+    columns.map(table).collect()
 }
 
 /// One table per metric: simulators by planner. Metrics without a value are left out, and so are fixed AVs,
@@ -172,56 +190,48 @@ fn by_planner<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<Study
         members(results).filter(|(member, _)| member.planner.is_some()).collect();
     let Some((member, _)) = planned.first() else { return Vec::new() };
     let columns = columns(results, member, style).into_iter();
-    let head = |member: &Member| Head::Planner(member.label.clone());
-    let tables = columns.map(|column| by_member(&planned, column, Title::ByPlanner(column), head));
+    let head = |member: &Member, _| Head::Planner(member.label.clone());
+    let tables = columns.map(|column| {
+        let shown = planned.iter().map(|(member, summary)| (*member, *summary, column));
+        by_member(shown, Title::ByPlanner(column), head)
+    });
     let has_numbers = |table: &StudyTable<'_>| {
         table.rows.iter().flat_map(|row| &row.cells).any(|cell| cell.numbers().is_some())
     };
     tables.filter(has_numbers).collect()
 }
 
-/// Returns the table of one metric: a row per simulator, a column per member.
+/// Returns a table with a row per simulator, and a column per member and metric.
 fn by_member<'a>(
-    members: &[(&Member, &'a Summary)],
-    column: Column,
+    shown: impl Iterator<Item = (&'a Member, &'a Summary, Column)>,
     title: Title,
-    head: impl Fn(&Member) -> Head,
+    head: impl Fn(&Member, Column) -> Head,
 ) -> StudyTable<'a> {
+    let shown: Vec<_> = shown.collect();
     let row = |(id, title, simulator): (&str, &'a str, &SimulatorSummary)| StudyRow {
         title,
         marks: simulator.marks(),
         settings: Vec::new(),
-        cells: members.iter().map(|(_, summary)| StudyCell::of(summary, id, column)).collect(),
+        cells: shown.iter().map(|(_, summary, column)| StudyCell::of(summary, id, *column)).collect(),
     };
     StudyTable {
         title,
         settings: Vec::new(),
-        heads: members.iter().map(|(member, _)| head(member)).collect(),
-        rows: members.first().into_iter().flat_map(|(_, first)| first.order()).map(row).collect(),
+        heads: shown.iter().map(|(member, _, column)| head(member, *column)).collect(),
+        rows: shown.first().into_iter().flat_map(|(_, first, _)| first.order()).map(row).collect(),
     }
 }
 
 /// One table: simulators by metrics of both protocols.
 fn by_protocol<'a>(results: &'a StudyResults, style: TableStyle<'_>) -> Vec<StudyTable<'a>> {
-    let Some(first) = results.summaries.first() else { return Vec::new() };
-    let columns_of = |member: &Member| columns(results, member, style);
-    let heads = members(results).flat_map(|(member, _)| {
-        columns_of(member)
-            .into_iter()
-            .map(|column| Head::Metric { protocol: member.protocol.clone(), column })
+    if results.summaries.is_empty() {
+        return Vec::new();
+    }
+    let shown = members(results).flat_map(|(member, summary)| {
+        columns(results, member, style).into_iter().map(move |column| (member, summary, column))
     });
-    let row = |(id, title, simulator): (&str, &'a str, &SimulatorSummary)| {
-        let cells = members(results).flat_map(|(member, summary)| {
-            columns_of(member).into_iter().map(move |column| StudyCell::of(summary, id, column))
-        });
-        StudyRow { title, marks: simulator.marks(), settings: Vec::new(), cells: cells.collect() }
-    };
-    vec![StudyTable {
-        title: Title::None,
-        settings: Vec::new(),
-        heads: heads.collect(),
-        rows: first.order().map(row).collect(),
-    }]
+    let head = |member: &Member, column| Head::Metric { protocol: member.protocol.clone(), column };
+    vec![by_member(shown, Title::None, head)]
 }
 
 /// Two tables: the metrics of all variants, and their differences from the unchanged simulators.

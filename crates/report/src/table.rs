@@ -40,11 +40,8 @@ pub const COLUMNS: &[Column] = &[
 /// The columns of the paper's main table.
 pub const MAIN_COLUMNS: &[Column] = COLUMNS.split_at(7).0;
 
-/// Test of the settings of a run.
-type SettingsTest = fn(&SettingsRecord) -> bool;
-
 /// Columns that apply only to runs with certain settings.
-const CONDITIONS: &[(&str, SettingsTest)] = &[
+const CONDITIONS: &[(&str, fn(&SettingsRecord) -> bool)] = &[
     // The likelihood of the log is a measure of realism (the paper's second table).
     ("kinematic-likelihood", |settings| settings.protocol != "reactive"),
     ("min-ade", |settings| settings.rollouts != 1),
@@ -181,7 +178,7 @@ fn avs<'a>(runs: &[super::Run<'a>]) -> Vec<Option<&'a str>> {
 
 /// Returns the lines of a table over runs whose AV a planner drives.
 pub(super) fn av_lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
-    lines_of(runs, |run| planner(run).is_some())
+    lines_of(runs, None, |run| planner(run).is_some())
 }
 
 /// A line of a table: a simulator and its numbers.
@@ -199,28 +196,34 @@ pub(super) struct Line<'a> {
     pub(super) metrics: &'a BTreeMap<String, Estimate>,
 }
 
-/// Returns the lines of a table over runs, in the order of their simulators.
-pub(super) fn lines<'a>(runs: &'a [super::Run<'a>]) -> Vec<Line<'a>> {
-    lines_of(runs, |_| true)
+/// Returns the lines of a table over runs, or over one part of their scenarios, in the order of their simulators.
+pub(super) fn lines<'a>(runs: &'a [super::Run<'a>], part: Option<(Division, &str)>) -> Vec<Line<'a>> {
+    lines_of(runs, part, |_| true)
 }
 
 /// As [`lines`], of the runs for which `is_shown` holds.
-fn lines_of<'a>(runs: &'a [super::Run<'a>], is_shown: fn(&super::Run<'a>) -> bool) -> Vec<Line<'a>> {
+fn lines_of<'a>(
+    runs: &'a [super::Run<'a>],
+    part: Option<(Division, &str)>,
+    is_shown: fn(&super::Run<'a>) -> bool,
+) -> Vec<Line<'a>> {
     let several = runs.len() > 1;
-    let of = move |((run, group), av): ((&'a super::Run<'a>, usize), Option<&'a str>)| {
-        run.summary.order().map(move |(_, title, s)| Line {
-            run: several.then_some(run.name),
-            av,
-            group,
-            title,
-            marks: s.marks(),
-            scenarios: s.scenarios,
-            failed: s.failed,
-            metrics: &s.metrics,
-        })
-    };
     let shown = runs.iter().zip(groups(runs)).zip(avs(runs)).filter(|((run, _), _)| is_shown(run));
-    shown.flat_map(of).collect()
+    let mut lines = Vec::new();
+    for ((run, group), av) in shown {
+        for (_, title, simulator) in run.summary.order() {
+            let (scenarios, failed, metrics) = match part {
+                None => (simulator.scenarios, simulator.failed, &simulator.metrics),
+                Some((division, part)) => match division.of(simulator).get(part) {
+                    Some(part) => (part.scenarios, 0, &part.metrics),
+                    None => continue,
+                },
+            };
+            let (run, marks) = (several.then_some(run.name), simulator.marks());
+            lines.push(Line { run, av, group, title, marks, scenarios, failed, metrics });
+        }
+    }
+    lines
 }
 
 /// Returns the provenance of every run, behind its name if there are several, and before that why they cannot
@@ -263,16 +266,10 @@ pub(super) fn fewer(
     columns: &[Column],
     part: Option<(Division, &str)>,
 ) -> Option<String> {
-    fn lines_in<'a>(runs: &'a [super::Run<'a>], part: Option<(Division, &str)>) -> Vec<Line<'a>> {
-        match part {
-            Some((division, part)) => part_lines(runs, division, part),
-            None => lines(runs),
-        }
-    }
     let planned: Vec<super::Run<'_>> = runs.iter().copied().filter(|run| planner(run).is_some()).collect();
     let of_av = Column::of_av(runs);
-    let of_av = of_av.iter().map(|column| (column, lines_in(&planned, part)));
-    unequal(columns.iter().map(|column| (column, lines_in(runs, part))).chain(of_av))
+    let of_av = of_av.iter().map(|column| (column, lines(&planned, part)));
+    unequal(columns.iter().map(|column| (column, lines(runs, part))).chain(of_av))
 }
 
 /// Returns the numbers of scenarios of columns that could not be judged in all of them, if there are such:
@@ -377,28 +374,6 @@ impl Division {
             Self::Difficulty => format!("{part} conflicts"),
         }
     }
-}
-
-/// Returns the lines of a table over one part of the scenarios of runs.
-pub(super) fn part_lines<'a>(runs: &'a [super::Run<'a>], division: Division, part: &str) -> Vec<Line<'a>> {
-    let several = runs.len() > 1;
-    let all = runs.iter().zip(groups(runs)).zip(avs(runs));
-    let all =
-        all.flat_map(|(of_run, av)| of_run.0.summary.order().map(move |simulator| (of_run, av, simulator)));
-    let lines = all.filter_map(|((run, group), av, (_, title, simulator))| {
-        let part = division.of(simulator).get(part)?;
-        Some(Line {
-            run: several.then_some(run.name),
-            av,
-            group,
-            title,
-            marks: simulator.marks(),
-            scenarios: part.scenarios,
-            failed: 0,
-            metrics: &part.metrics,
-        })
-    });
-    lines.collect()
 }
 
 /// Describes the provenance of a run in one line.

@@ -56,7 +56,7 @@ const PLAIN: &str = "\x1b[0m";
 /// # Errors
 /// If `out` cannot be written.
 pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-    let (columns, lines) = (style.table.columns_of(runs), table::lines(runs));
+    let (columns, lines) = (style.table.columns_of(runs), table::lines(runs, None));
     write_table(&columns, &lines, style, out)?;
     let of_av = Column::of_av(runs);
     if !of_av.is_empty() {
@@ -65,7 +65,7 @@ pub fn write(runs: &[Run<'_>], style: TerminalStyle<'_>, out: &mut dyn Write) ->
     }
     if let Some(division) = style.by {
         for part in division.parts(runs) {
-            let lines = table::part_lines(runs, division, &part);
+            let lines = table::lines(runs, Some((division, &part)));
             let n = lines.iter().map(|l| l.scenarios).max().unwrap_or(0);
             let title = markdown::capital(&plain(&division.title(&part)));
             writeln!(out, "\n{title} ({})\n", table::count(n, "scenario"))?;

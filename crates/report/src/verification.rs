@@ -22,9 +22,7 @@ pub fn write(
     most: usize,
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let mut rows = vec![HEAD.map(str::to_owned).to_vec()];
-    rows.extend(verification.simulators.iter().map(row));
-    write_aligned(out, &rows, 2)?;
+    write_aligned(out, &HEAD, verification.simulators.iter().map(row), 2)?;
     let what = match verification.subject {
         Subject::Rows => "row",
         Subject::Summary => "value",
@@ -55,15 +53,14 @@ pub fn write(
     if verification.differences.is_empty() {
         return Ok(());
     }
-    let mut rows = vec![DIFFERENCE_HEAD.map(str::to_owned).to_vec()];
-    rows.extend(verification.differences.iter().take(most).map(|d| {
+    let rows = verification.differences.iter().take(most).map(|d| {
         let scenario = d.scenario.as_deref().unwrap_or("all");
         let rollout = d.rollout.map(|r| format!(", rollout {r}")).unwrap_or_default();
         let field = d.field.trim_start_matches("metrics.");
         [&d.simulator, &format!("{scenario}{rollout}"), field, &d.reference, &d.found].map(escape).to_vec()
-    }));
+    });
     writeln!(out)?;
-    write_aligned(out, &rows, 3)?;
+    write_aligned(out, &DIFFERENCE_HEAD, rows, 3)?;
     let more = verification.differences.len().saturating_sub(most);
     if more > 0 {
         writeln!(out, "\nand {more} more.")?;

@@ -6,10 +6,8 @@ mod assets;
 mod bundle;
 mod guard;
 mod server;
-mod site;
 
-pub use assets::{Asset, JAVASCRIPT, PALETTE, SHARED};
+pub use assets::{Asset, PALETTE, SHARED};
 pub use bundle::bundle;
 pub use reactsim_formats::{SKETCH_VERSION, sketch};
-pub use server::{Loopback, ServeError, Stop};
-pub use site::Site;
+pub use server::{Loopback, ServeError, Site, Stop};

@@ -59,26 +59,22 @@ pub const AGGREGATES: [Aggregate; 8] = [
 /// # Errors
 /// If `out` cannot be written.
 pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result<()> {
-    let titled = |i: usize, cells: Vec<String>| {
-        std::iter::once(scores.configs[i].title.to_owned()).chain(cells).collect::<Vec<_>>()
-    };
-    let configs = || 0..scores.configs.len();
-    let aggregates =
-        |i| titled(i, scores.aggregates(i).into_iter().map(|(_, estimate)| cell(Some(&estimate))).collect());
-    let rows: Vec<_> = std::iter::once(head("Configuration")).chain(configs().map(aggregates)).collect();
-    markdown::write_aligned(out, &rows, 1)?;
+    let configs = || scores.configs.iter().enumerate();
+    let aggregates = configs().map(|(i, config)| {
+        let cells = scores.aggregates(i).into_iter().map(|(_, estimate)| cell(Some(&estimate)));
+        with_first(config.title, cells)
+    });
+    markdown::write_aligned(out, &head("Configuration"), aggregates, 1)?;
 
     writeln!(out, "\nLikelihoods:\n")?;
     let features = Feature::ALL.map(|feature| feature.name().replace('_', " "));
-    let features = std::iter::once("Configuration".to_owned()).chain(features).collect();
-    let likelihoods = |i: usize| {
+    let likelihoods = configs().map(|(i, config)| {
         let of = |feature: Feature| {
             cell(Some(&scores.estimate(feature.name(), |row| row.metrics[i].likelihood(feature))))
         };
-        titled(i, Feature::ALL.map(of).to_vec())
-    };
-    let rows: Vec<_> = std::iter::once(features).chain(configs().map(likelihoods)).collect();
-    markdown::write_aligned(out, &rows, 1)?;
+        with_first(config.title, Feature::ALL.map(of))
+    });
+    markdown::write_aligned(out, &with_first("Configuration", features), likelihoods, 1)?;
 
     let rollouts = || scores.rows.iter().map(|row| row.rollouts);
     let rollouts = match (rollouts().min(), rollouts().max()) {
@@ -88,8 +84,8 @@ pub fn write_markdown(scores: &RealismScores, out: &mut dyn Write) -> io::Result
     let method = if scores.method.is_empty() { "" } else { ", " };
     writeln!(
         out,
-        "\nMeans over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is.\n\
-         {}, {rollouts} rollouts each{method}{}.",
+        "\n{}.\n{}, {rollouts} rollouts each{method}{}.",
+        markdown::NUMBERS,
         count(scores.rows.len(), "scenario"),
         markdown::escape(&scores.method)
     )
@@ -105,16 +101,19 @@ pub(super) fn write_simulators(simulators: &[RealismSummary], out: &mut dyn Writ
     writeln!(out, "Realism metrics of the Sim Agents challenge {config}:\n")?;
     let row = |simulator: &RealismSummary| {
         let cells = AGGREGATES.map(|column| cell(simulator.aggregates.get(column.id)));
-        std::iter::once(markdown::escape(&simulator.title)).chain(cells).collect()
+        with_first(&markdown::escape(&simulator.title), cells)
     };
-    let rows: Vec<_> = std::iter::once(head("Method")).chain(simulators.iter().map(row)).collect();
-    markdown::write_aligned(out, &rows, 1)?;
+    markdown::write_aligned(out, &head("Method"), simulators.iter().map(row), 1)?;
     writeln!(out, "\nMeans over scenarios ± half the width of the 95 % bootstrap interval.")
 }
 
 /// Returns the head of a table of aggregates.
 fn head(first: &str) -> Vec<String> {
-    std::iter::once(first.to_owned()).chain(AGGREGATES.map(|column| column.heading())).collect()
+    with_first(first, AGGREGATES.map(|column| column.heading()))
+}
+
+fn with_first(first: &str, cells: impl IntoIterator<Item = String>) -> Vec<String> {
+    std::iter::once(first.to_owned()).chain(cells).collect()
 }
 
 /// Writes the scores of every scenario as CSV, one line per scenario and configuration.

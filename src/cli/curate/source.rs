@@ -10,7 +10,7 @@ use crate::cli::output::{count, say};
 use crate::curation::{
     CandidateFile, CandidateSource, CurationSettings, MAX_CANDIDATES, PlannerSource, SOURCES,
 };
-use crate::files::{name_of, read_regular};
+use crate::evaluation::weights_file;
 use crate::models::diffusion_planner::PlannerPolicy;
 use crate::models::nn::device;
 use crate::models::weights::{PLANNER, WeightsFile, shipped};
@@ -95,8 +95,7 @@ impl SourceChoice {
 /// Returns this file of weights of the planner, or those that ship.
 pub(super) fn planner_weights(path: Option<&Path>) -> anyhow::Result<WeightsFile> {
     if let Some(path) = path {
-        let bytes = read_regular(path).with_context(|| format!("could not read {}", path.display()))?;
-        return Ok(WeightsFile::new(name_of(path), bytes));
+        return Ok(weights_file(path)?);
     }
     shipped(PLANNER)?.context("no weights of the planner ship with this program: write diffusion:FILE")
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use crate::cli::output::{ExitStatus, write_result};
 use crate::curation::stats::Statistics;
@@ -15,24 +15,15 @@ pub(super) struct StatsArgs {
     #[arg(value_name = "FILE")]
     file: PathBuf,
     /// Format of the output
-    #[arg(long, value_enum, default_value = "text")]
-    format: Format,
-}
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Format {
-    Text,
-    Json,
+    #[arg(long, default_value = "text", value_parser = ["text", "json"])]
+    format: String,
 }
 
 pub(super) fn stats(args: &StatsArgs) -> anyhow::Result<ExitStatus> {
     let statistics = Statistics::of_file(&args.file)?;
-    write_result(None, |out| match args.format {
-        Format::Text => curation_tables::write_statistics(out, &statistics),
-        Format::Json => {
-            serde_json::to_writer_pretty(&mut *out, &statistics)?;
-            out.write_all(b"\n")
-        }
+    write_result(None, |out| match args.format.as_str() {
+        "json" => writeln!(out, "{}", serde_json::to_string_pretty(&statistics)?),
+        _ => curation_tables::write_statistics(out, &statistics),
     })?;
     Ok(ExitStatus::Done)
 }

@@ -8,7 +8,6 @@ use serde_json::json;
 
 use crate::cli::inputs::select;
 use crate::cli::output::{ExitStatus, count, say};
-use crate::evaluation::Deviations;
 use crate::evaluation::ScenarioSpec;
 use crate::files;
 use crate::scene::{AgentState, DeviatedTrack, Deviation, Scenario};
@@ -37,7 +36,7 @@ pub(super) fn export(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
     let selected = select(&args.input)?;
     let mut entries = Vec::new();
     let failed = selected.each(|scenario| {
-        entries.extend(entry(&scenario, selected.deviations.as_ref()));
+        entries.extend(entry(scenario));
         anyhow::Ok(())
     })?;
     if entries.is_empty() {
@@ -55,17 +54,8 @@ pub(super) fn export(args: &ExportAvArgs) -> anyhow::Result<ExitStatus> {
 }
 
 /// Returns the entry of a scenario; `None` if it has no deviated AV.
-fn entry(scenario: &Scenario, deviations: Option<&Deviations>) -> Option<serde_json::Value> {
-    let (category, track) = match deviations {
-        Some(deviations) => {
-            let record = deviations.tracks.get(&scenario.id)?;
-            (record.category, record.track_in(scenario.origin))
-        }
-        None => {
-            let DeviatedTrack { category, track, .. } = scenario.deviation.clone()?;
-            (category, track)
-        }
-    };
+fn entry(scenario: Scenario) -> Option<serde_json::Value> {
+    let DeviatedTrack { category, track, .. } = scenario.deviation?;
     let column = |value: fn(&AgentState) -> f64| track.iter().map(value).collect::<Vec<f64>>();
     let mut entry = json!({
         "scenario_id": scenario.id,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Args;
 
-use crate::cli::output::{ExitStatus, count, say};
+use crate::cli::output::{ExitStatus, count, say, write_result};
 use crate::cli::progress::Progress;
 use crate::evaluation::{ROLLOUTS, read_provenance, read_tally};
 use crate::files;
@@ -110,7 +110,6 @@ fn write(rollouts: &[RolloutRecord], names: &BTreeMap<String, String>, out: &Pat
     let Some(name) = rollouts.first().and_then(|first| names.get(&first.scenario_id)) else { return Ok(0) };
     let path = out.join(format!("{name}.pkl"));
     let content = to_pickle(rollouts).with_context(|| path.display().to_string())?;
-    files::replace(&path, |file| file.write_all(&content))
-        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(Some(&path), |file| file.write_all(&content))?;
     Ok(1)
 }

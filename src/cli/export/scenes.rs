@@ -1,15 +1,13 @@
 //! `reactsim export scenes`: scenarios as frames of the protocol for external simulators.
 
-use std::io::{self, Write};
+use std::io;
 
 use clap::Args;
 
 use crate::cli::inputs::select;
 use crate::cli::output::{ExitStatus, say, write_result};
-use crate::evaluation::Deviations;
 use crate::evaluation::ScenarioSpec;
 use crate::external::{FrameWriter, SceneExtras, scene_frame};
-use crate::scene::Scenario;
 
 const AFTER: &str = "\
 Writes one message of type `scene` per scenario and a final `bye` to standard output; the Python \
@@ -33,10 +31,13 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
     write_result(None, |out| {
         let mut number = 0;
         failed = selected.each(|scenario| {
-            let av = chosen_av(&scenario, selected.deviations.as_ref());
-            write_scene(&scenario, av, args.with_future, number, out)?;
+            let track = || scenario.deviation.as_ref().map(|deviation| deviation.track.clone());
+            let extras =
+                if args.with_future { SceneExtras::Future { av: track() } } else { SceneExtras::None };
+            let mut frame = scene_frame(&scenario, number, extras);
+            frame.text("seq", number.to_string());
             number += 1;
-            io::Result::Ok(())
+            out.write_all(&frame.to_frame().map_err(io::Error::other)?)
         })?;
         let mut bye = FrameWriter::new("bye");
         bye.text("seq", number.to_string());
@@ -47,28 +48,4 @@ pub(super) fn export(args: &ExportScenesArgs) -> anyhow::Result<ExitStatus> {
         return Ok(ExitStatus::SomeFailed);
     }
     Ok(ExitStatus::Done)
-}
-
-/// States of a deviated AV at every step, if there is one.
-type AvTrack = Option<Vec<crate::scene::AgentState>>;
-
-/// Returns the deviated AV of a scenario: with a file of deviations, the one there.
-fn chosen_av(scenario: &Scenario, deviations: Option<&Deviations>) -> AvTrack {
-    match deviations {
-        Some(deviations) => Some(deviations.tracks.get(&scenario.id)?.track_in(scenario.origin)),
-        None => scenario.deviation.as_ref().map(|deviation| deviation.track.clone()),
-    }
-}
-
-fn write_scene(
-    scenario: &Scenario,
-    av: AvTrack,
-    future: bool,
-    number: u64,
-    out: &mut dyn Write,
-) -> io::Result<()> {
-    let extras = if future { SceneExtras::Future { av } } else { SceneExtras::None };
-    let mut frame = scene_frame(scenario, number, extras);
-    frame.text("seq", number.to_string());
-    out.write_all(&frame.to_frame().map_err(io::Error::other)?)
 }

@@ -94,7 +94,7 @@ pub(super) fn curation_settings(settings: &GenerationSettings) -> CurationSettin
 pub(super) fn provenance(settings: &GenerationSettings, wanted: u32) -> CurationProvenance {
     CurationProvenance {
         version: program_version().to_owned(),
-        settings: named(settings, wanted, &curation_settings(settings), SOURCE.id()),
+        settings: named(settings, wanted),
         ..CurationProvenance::default()
     }
 }
@@ -121,15 +121,11 @@ fn warn_of_unfilled_quotas(provenance: &CurationProvenance, wanted: u32, written
 }
 
 /// Returns all settings by name. The commit is left out: the same generator writes the same bytes.
-fn named(
-    settings: &GenerationSettings,
-    wanted: u32,
-    curation: &CurationSettings,
-    source: &str,
-) -> BTreeMap<String, String> {
+fn named(settings: &GenerationSettings, wanted: u32) -> BTreeMap<String, String> {
+    let curation = curation_settings(settings);
     let mut named = curation.named();
     let mut set = |name: &str, value: String| named.insert(name.to_owned(), value);
-    set("source", source.to_owned());
+    set("source", SOURCE.id().to_owned());
     set("scenes", curation.scenes.to_string());
     set("generator", VERSION.to_string());
     set("generation.preset", settings.preset.name().to_owned());

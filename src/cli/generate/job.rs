@@ -8,15 +8,15 @@ use anyhow::{Context, bail};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
-use super::manifest::Manifest;
+use super::manifest::manifest;
 use crate::cli::output::{ExitStatus, count, say, say_part, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
+use crate::cli::subject::JobsArg;
 use crate::curation::driver::CurationObserver;
 use crate::formats::{FormatError, FutureChoice};
 use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
 use crate::scene::{Length, Scenario};
-use crate::work::available_threads;
 
 const AFTER: &str = "\
 The preset train writes scenarios as they are generated. The preset sensed makes traffic with the \
@@ -37,7 +37,8 @@ The manifest entry of the files is printed to stdout (TOML): command, settings a
 #[command(after_help = AFTER)]
 pub(in crate::cli) struct GenerateArgs {
     /// Purpose: a benchmark with deviated AVs, or logs to train on
-    #[arg(long, value_name = "PRESET", value_parser = presets())]
+    #[arg(long, value_name = "PRESET",
+          value_parser = PossibleValuesParser::new(Preset::ALL.iter().map(|preset| preset.name())))]
     preset: String,
     /// Scenarios to write
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -62,15 +63,10 @@ pub(in crate::cli) struct GenerateArgs {
     /// time [default: 8s]
     #[arg(long, value_name = "TIME")]
     future: Option<FutureChoice>,
-    /// Threads; they do not change the result [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    pub(super) jobs: JobsArg,
     #[command(flatten)]
     pub(super) partition: PartitionArg,
-}
-
-fn presets() -> PossibleValuesParser {
-    PossibleValuesParser::new(Preset::ALL.iter().map(|p| p.name()))
 }
 
 impl GenerateArgs {
@@ -84,11 +80,6 @@ impl GenerateArgs {
         let length = Length { history: self.history.unwrap_or(Length::BENCHMARK.history), future };
         let (seed, maps, density) = (self.seed, self.maps.clone(), self.density);
         Ok(GenerationSettings { preset, seed, maps, density, length })
-    }
-
-    /// Returns the number of threads.
-    pub(super) fn jobs(&self) -> usize {
-        self.jobs.map_or_else(available_threads, usize::from)
     }
 }
 
@@ -156,8 +147,7 @@ pub(super) fn finish(args: &GenerateArgs, generated: &GeneratedFiles) -> anyhow:
         say_part(files, &args.out, &count(*written, "scenario"));
         return Ok(ExitStatus::Interrupted);
     }
-    let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-    let entry = Manifest::new(&args.settings()?, args.count, &files)?.text()?;
+    let entry = manifest(&args.settings()?, args.count, files)?;
     write_result(None, |out| out.write_all(entry.as_bytes()))?;
     if *failed > 0 {
         say(format_args!("warning: {failed} failed; the others are in the file"));

@@ -1,7 +1,8 @@
 //! Manifest entry of generated files: the command and inputs that reproduce them, and their digests.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::PathBuf;
 
 use serde::Serialize;
 
@@ -9,12 +10,6 @@ use crate::cli::output::quoted;
 use crate::evaluation::FileRecord;
 use crate::generation::{GenerationSettings, VERSION};
 use crate::scene::{FUTURE, HISTORY, Length};
-
-/// A manifest with one entry.
-#[derive(Serialize)]
-pub(super) struct Manifest {
-    made: [ManifestEntry; 1],
-}
 
 /// One call of the program.
 #[derive(Serialize)]
@@ -44,52 +39,48 @@ struct FileEntry {
     blake3: String,
 }
 
-impl Manifest {
-    /// Creates the entry of these files, of which the first is `--out`.
-    pub(super) fn new(settings: &GenerationSettings, count: u32, files: &[&Path]) -> anyhow::Result<Self> {
-        let mut written = Vec::new();
-        for path in files {
-            let FileRecord { name, bytes, blake3, .. } = FileRecord::of(path, "")?;
-            written.push(FileEntry { name, bytes, blake3 });
-        }
-        let GenerationSettings { preset, seed, maps, density, length } = settings;
-        let Length { history, future } = *length;
-        let other = |frames: usize, usual: usize| (frames != usual).then_some(frames);
-        let (history, future) = (other(history, HISTORY), other(future, FUTURE));
-        let mut command =
-            format!("reactsim generate --preset {} --count {count} --seed {seed}", preset.name());
-        if !maps.is_empty() {
-            write!(command, " --maps {}", maps.join(","))?;
-        }
-        if let Some(density) = density {
-            write!(command, " --density {density}")?;
-        }
-        if let Some(history) = history {
-            write!(command, " --history {history}")?;
-        }
-        if let Some(future) = future {
-            write!(command, " --future {future}")?;
-        }
-        if let Some(first) = written.first() {
-            write!(command, " --out {}", quoted(&first.name))?;
-        }
-        let entry = ManifestEntry {
-            command,
-            generator: VERSION,
-            preset: preset.name(),
-            count,
-            seed: *seed,
-            maps: maps.clone(),
-            density: *density,
-            history,
-            future,
-            files: written,
-        };
-        Ok(Self { made: [entry] })
+/// Returns the manifest of these files, of which the first is `--out`, as TOML.
+pub(super) fn manifest(
+    settings: &GenerationSettings,
+    count: u32,
+    files: &[PathBuf],
+) -> anyhow::Result<String> {
+    let mut written = Vec::new();
+    for path in files {
+        let FileRecord { name, bytes, blake3, .. } = FileRecord::of(path, "")?;
+        written.push(FileEntry { name, bytes, blake3 });
     }
-
-    /// Returns the entry as TOML.
-    pub(super) fn text(&self) -> anyhow::Result<String> {
-        Ok(toml::to_string(self)?)
+    let GenerationSettings { preset, seed, maps, density, length } = settings;
+    let Length { history, future } = *length;
+    let other = |frames: usize, usual: usize| (frames != usual).then_some(frames);
+    let (history, future) = (other(history, HISTORY), other(future, FUTURE));
+    let mut command = format!("reactsim generate --preset {} --count {count} --seed {seed}", preset.name());
+    if !maps.is_empty() {
+        write!(command, " --maps {}", maps.join(","))?;
     }
+    if let Some(density) = density {
+        write!(command, " --density {density}")?;
+    }
+    if let Some(history) = history {
+        write!(command, " --history {history}")?;
+    }
+    if let Some(future) = future {
+        write!(command, " --future {future}")?;
+    }
+    if let Some(first) = written.first() {
+        write!(command, " --out {}", quoted(&first.name))?;
+    }
+    let entry = ManifestEntry {
+        command,
+        generator: VERSION,
+        preset: preset.name(),
+        count,
+        seed: *seed,
+        maps: maps.clone(),
+        density: *density,
+        history,
+        future,
+        files: written,
+    };
+    Ok(toml::to_string(&BTreeMap::from([("made", [entry])]))?)
 }

@@ -9,11 +9,13 @@ use serde::{Deserialize, Serialize};
 use super::bench::{bench, curation_settings, provenance};
 use super::job::{GenerateArgs, GeneratedFiles, Job, finish, write_all};
 use super::scenario_file::{ScenarioFile, read_scenarios};
-use super::tried::{TriedWriter, curated, read_tried};
+use super::tried::{curated, read_tried};
 use crate::cli::output::{ExitStatus, stop_on_interrupt};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::curation::CurationProvenance;
+use crate::curation::driver::CurationObserver;
+use crate::curation::outcomes::OutcomeWriter;
 use crate::evaluation::program_version;
 use crate::formats::native::Writer;
 use crate::formats::{FormatError, Partition};
@@ -76,7 +78,7 @@ pub(super) fn generate(args: &GenerateArgs, partition: Partition) -> anyhow::Res
     let progress = Progress::new();
     let range = partition.of(numbers(settings, wanted));
     progress.set_total(Some(range.len()));
-    let job = Job { settings, wanted, jobs: args.jobs(), out, progress: &progress, stop: &stop };
+    let job = Job { settings, wanted, jobs: args.jobs.count(), out, progress: &progress, stop: &stop };
     let failed = match settings.preset {
         Preset::Train | Preset::Sensed => plain(job, &generator, &range),
         Preset::Bench => tried(job, &generator, &range),
@@ -102,12 +104,13 @@ fn plain(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Op
 
 /// Writes scenarios that are curated up to the choice; returns as [`plain`].
 fn tried(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Option<usize>, FormatError> {
-    let mut writer = TriedWriter::create(job.out)?;
-    let curation = curation_settings(job.settings);
+    let (mut scenarios, mut outcomes) = (ScenarioFile::new(job.out), OutcomeWriter::create(job.out)?);
+    let settings = curation_settings(job.settings);
     let (mut done, mut failed) = (0, 0);
-    let make = |_: &(), number| curated(generator.scenario(number as u64), &curation);
-    let ending = in_order(range.clone(), job.jobs, job.stop, &mut (), make, |(), tried| {
-        failed += usize::from(writer.write(done, tried)?);
+    let make = |_: &(), number| curated(generator.scenario(number as u64), &settings);
+    let ending = in_order(range.clone(), job.jobs, job.stop, &mut (), make, |(), (kept, outcome)| {
+        kept.iter().try_for_each(|scenario| scenarios.write(scenario))?;
+        failed += usize::from(outcomes.write((0, done), outcome)?);
         done += 1;
         job.progress.set_done(done);
         Ok::<_, FormatError>(ControlFlow::Continue(()))
@@ -115,7 +118,8 @@ fn tried(job: Job<'_>, generator: &Generator, range: &Range<usize>) -> Result<Op
     if ending == Ending::Stopped {
         return Ok(None);
     }
-    writer.finish()?;
+    outcomes.finish()?;
+    scenarios.finish()?;
     Ok(Some(failed))
 }
 
@@ -133,7 +137,7 @@ pub(in crate::cli) fn merge(
         Preset::Train | Preset::Sensed => merge_plain(partitions, out),
         Preset::Bench => {
             let tried = (numbers(settings, wanted) as u64, read_tried(&partitions.folders));
-            let (jobs, stop) = (args.jobs(), &AtomicBool::new(false));
+            let (jobs, stop) = (args.jobs.count(), &AtomicBool::new(false));
             bench(Job { settings, wanted, jobs, out, progress: &progress, stop }, tried)
         }
     };

@@ -3,23 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use super::bench::SOURCE;
-use super::scenario_file::{ScenarioFile, read_scenarios};
+use super::scenario_file::read_scenarios;
 use crate::curation::benchmark::TriedScenario;
-use crate::curation::outcomes::{OutcomeReader, OutcomeWriter, RecordOutcome};
+use crate::curation::outcomes::{OutcomeReader, RecordOutcome};
 use crate::curation::{CurationOutcome, CurationSettings, curate_scenario};
 use crate::formats::FormatError;
 use crate::generation::GenerationError;
 use crate::scene::Scenario;
 
-/// A scenario with its candidates, or the reason why it could not be generated.
-pub(super) type Tried = (Option<Scenario>, RecordOutcome);
-
 /// Curates a generated scenario up to the choice. It is kept if any of its candidates can be chosen.
-pub(super) fn curated(generated: Result<Scenario, GenerationError>, curation: &CurationSettings) -> Tried {
+pub(super) fn curated(
+    generated: Result<Scenario, GenerationError>,
+    settings: &CurationSettings,
+) -> (Option<Scenario>, RecordOutcome) {
     match generated {
         Err(error) => (None, RecordOutcome::Failed { error: error.to_string(), scenario: None }),
         Ok(scenario) => {
-            let outcome = curate_scenario(&scenario, SOURCE, curation);
+            let outcome = curate_scenario(&scenario, SOURCE, settings);
             let keep = can_be_chosen(&outcome);
             let (id, source) = (scenario.id.clone(), scenario.source.clone());
             (keep.then_some(scenario), RecordOutcome::Curated { scenario: id, source, outcome })
@@ -28,36 +28,8 @@ pub(super) fn curated(generated: Result<Scenario, GenerationError>, curation: &C
 }
 
 fn can_be_chosen(outcome: &CurationOutcome) -> bool {
-    match outcome {
-        CurationOutcome::Rejected { .. } => false,
-        CurationOutcome::Retained(record, _) => record.candidates.iter().any(|c| c.rejected_by.is_none()),
-    }
-}
-
-/// Writes the scenarios of a partition with their outcomes.
-pub(super) struct TriedWriter {
-    scenarios: ScenarioFile,
-    outcomes: OutcomeWriter,
-}
-
-impl TriedWriter {
-    pub(super) fn create(folder: &Path) -> Result<Self, FormatError> {
-        Ok(Self { scenarios: ScenarioFile::new(folder), outcomes: OutcomeWriter::create(folder)? })
-    }
-
-    /// Writes the scenario with this index. Returns whether it is a failure.
-    pub(super) fn write(&mut self, index: usize, (scenario, outcome): Tried) -> Result<bool, FormatError> {
-        if let Some(scenario) = scenario {
-            self.scenarios.write(&scenario)?;
-        }
-        self.outcomes.write((0, index), outcome)
-    }
-
-    /// Completes the files.
-    pub(super) fn finish(self) -> Result<(), FormatError> {
-        self.outcomes.finish()?;
-        self.scenarios.finish()
-    }
+    matches!(outcome, CurationOutcome::Retained(record, _)
+        if record.candidates.iter().any(|candidate| candidate.rejected_by.is_none()))
 }
 
 /// Reads the scenarios of all partitions, whose folders are in order.

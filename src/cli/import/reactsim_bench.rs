@@ -12,7 +12,7 @@ use parking_lot::Mutex;
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::cli::output::{ExitStatus, count, note, nothing, quoted, say, write_file, write_result};
+use crate::cli::output::{ExitStatus, count, note, nothing, quoted, say, write_result};
 use crate::curation::taxonomy_of;
 use crate::evaluation::program_version;
 use crate::files;
@@ -310,8 +310,7 @@ fn write_selection(args: &ImportBenchArgs, imported: &[(Imported, PathBuf)]) -> 
         selection["maps"] = json!(std::path::absolute(maps)?);
     }
     let path = args.out.with_extension("selection.json");
-    write_file(&path, |out| out.write_all(format!("{selection:#}\n").as_bytes()))
-        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(Some(&path), |out| writeln!(out, "{selection:#}"))?;
     Ok(path)
 }
 
@@ -366,8 +365,7 @@ fn report_refused(out: &Path, refused: &Refused) -> anyhow::Result<()> {
     }
     let lines: String =
         refused.iter().map(|(file, reason)| format!("{}\t{reason}\n", file.display())).collect();
-    write_file(&path, |to| to.write_all(lines.as_bytes()))
-        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(Some(&path), |to| to.write_all(lines.as_bytes()))?;
     for (file, reason) in refused.iter().take(NAMED) {
         say(format_args!("warning: {} is not imported: {reason}", file.display()));
     }

@@ -1,14 +1,16 @@
 //! Stills and animations of a scenario or of rollouts of it.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 
 use super::recorded::{marks, rollout, with_entered};
-use super::{InspectArgs, live, write_result};
+use super::{InspectArgs, write_result};
 use crate::evaluation::PlannedSimulator;
 use crate::report::animation::{Animation, Panel};
-use crate::report::birdseye::{self, Layout, Mark, View, marks_of};
+use crate::report::birdseye::{self, Mark, View, marks_of};
+use crate::rollout::{DeviatedAv, Request, Settings, roll_out};
 use crate::scene::{Frame, Scenario};
 
 /// A rollout of one simulator, to be drawn.
@@ -86,18 +88,32 @@ fn rolled_out(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<Vec<Dra
         return Ok(Vec::new());
     }
     let simulators = PlannedSimulator::by_ids(&args.simulator)?;
-    let roll_out = |simulator: &PlannedSimulator| {
-        let (tracks, marks) = live::rollout(simulator, args.index, scenario)?;
-        Ok(DrawnRollout { simulator: simulator.id.clone(), tracks, marks })
-    };
-    simulators.iter().map(roll_out).collect()
+    simulators.iter().map(|simulator| live(simulator, args.index, scenario)).collect()
+}
+
+/// Runs rollout `index` of a simulator against the deviated AV of a scenario, with the default settings of `run`
+/// and the same result.
+fn live(simulator: &PlannedSimulator, index: u32, scenario: &Scenario) -> anyhow::Result<DrawnRollout> {
+    let deviation = scenario.deviation.as_ref().ok_or_else(|| {
+        anyhow!(
+            "scenario `{}` has no deviated AV for the simulators to react to; run them with --av or \
+             --deviations and --keep-rollouts, and give the run folder with --rollout",
+            scenario.id
+        )
+    })?;
+    let av = DeviatedAv::new(scenario, deviation.track.clone())?;
+    let request = Request { scenario, av: Some(Arc::new(av)), rollout: index };
+    let mut results = roll_out(vec![request], &simulator.controller, &Settings::default());
+    let tracks =
+        results.pop().ok_or_else(|| anyhow!("scenario `{}`: no rollout was produced", scenario.id))??.tracks;
+    let marks = marks_of(scenario, &tracks);
+    Ok(DrawnRollout { simulator: simulator.id.clone(), tracks, marks })
 }
 
 fn stills(args: &InspectArgs, scenario: &Scenario, rollout: Option<&DrawnRollout>) -> String {
     let view = View {
         radius: args.radius.unwrap_or(View::default().radius),
         steps: args.steps.iter().map(|s| usize::from(*s)).collect(),
-        layout: Layout::Strip,
         title: rollout.map(|r| format!("{} · {} · rollout {}", scenario.id, r.simulator, args.index)),
         rollout: rollout.map(|r| &r.tracks[..]),
         marks: rollout.map(|r| r.marks.clone()).unwrap_or_default(),

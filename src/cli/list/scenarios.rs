@@ -1,7 +1,6 @@
 //! `reactsim list scenarios`: the scenarios of files.
 
 use super::super::inputs::select;
-use crate::evaluation::Deviations;
 use crate::evaluation::ScenarioSpec;
 use crate::scene::Scenario;
 
@@ -15,24 +14,16 @@ pub(super) fn rows(args: &ScenarioSpec) -> anyhow::Result<(Vec<Vec<String>>, usi
     let headings = ["scenario_id", "source", "agents", "category", "difficulty"].map(str::to_owned);
     let mut rows = vec![headings.to_vec()];
     let failed = selected.each(|scenario| {
-        rows.push(row(&scenario, selected.deviations.as_ref()));
+        rows.push(row(&scenario));
         anyhow::Ok(())
     })?;
     Ok((rows, failed))
 }
 
-fn row(scenario: &Scenario, deviations: Option<&Deviations>) -> Vec<String> {
-    let (category, certificate) = match deviations {
-        Some(deviations) => {
-            let record = deviations.tracks.get(&scenario.id);
-            (record.and_then(|r| r.category), record.and_then(|r| r.certificate.as_ref()))
-        }
-        None => {
-            let own = scenario.deviation.as_ref();
-            (own.and_then(|d| d.category), own.and_then(|d| d.certificate.as_ref()))
-        }
-    };
-    let difficulty = certificate.and_then(|certificate| certificate.difficulty());
+fn row(scenario: &Scenario) -> Vec<String> {
+    let deviation = scenario.deviation.as_ref();
+    let category = deviation.and_then(|deviation| deviation.category);
+    let difficulty = deviation.and_then(|deviation| deviation.certificate.as_ref()?.difficulty());
     vec![
         scenario.id.clone(),
         scenario.source.clone(),

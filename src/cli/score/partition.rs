@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use super::ScoreArgs;
 use super::wosac::{
-    check, describe_run, describe_submission, finish, is_run, observer, run_pairs, settings, submitted_pairs,
+    check, describe_submission, finish, is_run, observer, run_pairs, score_run, settings, submitted_pairs,
 };
 use crate::cli::inputs::recorded_logs;
-use crate::cli::output::{ExitStatus, lock_folder, write_file};
+use crate::cli::output::{ExitStatus, lock_folder, write_result};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::evaluation::realism::{LogSource, RealismScores, score_all};
@@ -70,15 +70,12 @@ pub(super) fn score(args: &ScoreArgs, partition: Partition, out: &Path) -> anyho
     let (settings, progress) = (settings(args)?, Progress::new());
     let mut observe = observer(&progress);
     let scores = if is_run(path) {
-        let mut pairs = run_pairs(args, path)?;
         let counts: Vec<usize> = match logs.len() < partition.count() {
             true => logs.par_iter().map(LogSource::count).collect(),
             false => Vec::new(),
         };
-        pairs = pairs.within(partition.of_inputs(logs.len(), 1, |i| counts[i]));
-        let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
-        describe_run(args, &mut scores, &pairs);
-        scores
+        let ranges = partition.of_inputs(logs.len(), 1, |i| counts[i]);
+        score_run(args, run_pairs(args, path)?.within(ranges), &settings, &mut observe)
     } else {
         let own = partition.of(SubmissionReader::open(path)?.count());
         let mut pairs = submitted_pairs(args, path)?;
@@ -87,8 +84,7 @@ pub(super) fn score(args: &ScoreArgs, partition: Partition, out: &Path) -> anyho
     };
     progress.end();
     let (file, text) = (out.join(SCORES), scores.to_text());
-    write_file(&file, |out| writeln!(out, "{text}"))
-        .with_context(|| format!("could not write {}", file.display()))?;
+    write_result(Some(&file), |out| writeln!(out, "{text}"))?;
     partition::finish(out, partition, scores.failures.len(), &subject)
 }
 

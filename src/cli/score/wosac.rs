@@ -4,14 +4,15 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::Args;
 
 use super::ScoreArgs;
 use crate::cli::inputs::recorded_logs;
-use crate::cli::output::{ExitStatus, count, lock_folder, note, nothing, say, write_file, write_result};
+use crate::cli::output::{ExitStatus, count, lock_folder, note, nothing, say, write_result};
 use crate::cli::partition::PartitionArg;
 use crate::cli::progress::Progress;
+use crate::cli::subject::JobsArg;
 use crate::evaluation::PROVENANCE;
 use crate::evaluation::realism::{
     LogFiles, LogSource, REALISM_ROWS, RealismFailure, RealismScores, RealismSettings, RunPairs,
@@ -20,7 +21,6 @@ use crate::evaluation::realism::{
 use crate::formats::wosac::SubmissionReader;
 use crate::metrics::wosac::Config;
 use crate::report::wosac_tables;
-use crate::work::available_threads;
 
 /// Number of missing scenarios that are named.
 const NAMED_MISSING: usize = 3;
@@ -44,9 +44,8 @@ pub(super) struct WosacArgs {
     /// Simulator, if the run has several
     #[arg(long, value_name = "ID")]
     pub(super) simulator: Option<String>,
-    /// Threads; they do not change the result [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    jobs: JobsArg,
     #[command(flatten)]
     pub(super) partition: PartitionArg,
 }
@@ -59,7 +58,7 @@ impl WosacArgs {
             ("--wosac-config", !only_2025),
             ("--partial", self.partial),
             ("--simulator", self.simulator.is_some()),
-            ("--jobs", self.jobs.is_some()),
+            ("--jobs", self.jobs.jobs.is_some()),
             ("--partition", self.partition.partition.is_some()),
         ] {
             if is_given {
@@ -81,10 +80,7 @@ pub(super) fn score(args: &ScoreArgs) -> anyhow::Result<ExitStatus> {
     let (settings, progress) = (settings(args)?, Progress::new());
     let mut observe = observer(&progress);
     let scores = if is_run(path) {
-        let mut pairs = run_pairs(args, path)?;
-        let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
-        describe_run(args, &mut scores, &pairs);
-        scores
+        score_run(args, run_pairs(args, path)?, &settings, &mut observe)
     } else {
         let mut pairs = submitted_pairs(args, path)?;
         let mut scores = score_all(pairs.by_ref(), &settings, &mut observe);
@@ -100,7 +96,7 @@ pub(super) fn settings(args: &ScoreArgs) -> anyhow::Result<RealismSettings<'_>> 
     Ok(RealismSettings {
         configs: &args.wosac.configs,
         shares: matches!(Format::of(args.format.as_deref())?, Format::Json),
-        jobs: args.wosac.jobs.map_or_else(available_threads, usize::from),
+        jobs: args.wosac.jobs.count(),
     })
 }
 
@@ -153,12 +149,19 @@ pub(super) fn run_pairs(args: &ScoreArgs, folder: &Path) -> anyhow::Result<RunPa
     Ok(RunPairs::open(folder, args.wosac.simulator.as_deref(), sources)?)
 }
 
-/// Adds what is known about the rollouts of a run.
-pub(super) fn describe_run(args: &ScoreArgs, scores: &mut RealismScores, pairs: &RunPairs) {
+/// Scores the rollouts of a run, and adds what is known about them.
+pub(super) fn score_run(
+    args: &ScoreArgs,
+    mut pairs: RunPairs,
+    settings: &RealismSettings<'_>,
+    observe: &mut dyn FnMut(usize, Option<&RealismFailure>),
+) -> RealismScores {
+    let mut scores = score_all(pairs.by_ref(), settings, observe);
     pairs.simulator().clone_into(&mut scores.method);
     if !args.wosac.partial {
         scores.missing.extend_from_slice(pairs.missing());
     }
+    scores
 }
 
 /// Opens a submission with its logs.
@@ -221,9 +224,6 @@ impl Format {
     }
 }
 
-/// Writes scores in one form.
-type TableWriter = fn(&RealismScores, &mut dyn Write) -> io::Result<()>;
-
 /// Prints the result and writes the folder, which is locked.
 pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result<ExitStatus> {
     let format = Format::of(args.format.as_deref())?;
@@ -236,10 +236,8 @@ pub(super) fn finish(args: &ScoreArgs, scores: &RealismScores) -> anyhow::Result
         Format::Csv => wosac_tables::write_csv(scores, out),
     })?;
     if let Some(folder) = &args.out {
-        let write = |name: &str, writer: TableWriter| {
-            let path = folder.join(name);
-            write_file(&path, |out: &mut dyn Write| writer(scores, out))
-                .with_context(|| format!("could not write {}", path.display()))
+        let write = |name: &str, writer: fn(&RealismScores, &mut dyn Write) -> io::Result<()>| {
+            write_result(Some(&folder.join(name)), |out| writer(scores, out))
         };
         write(REALISM_ROWS, RealismScores::write_rows)?;
         write("wosac.md", wosac_tables::write_markdown)?;

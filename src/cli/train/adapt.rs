@@ -21,14 +21,15 @@ use self::data::{Files, Logs};
 use self::model::AdaptableModel;
 use self::stage::Stage;
 use self::verdict::{Group, Judgement, Verdict};
-use super::session::SessionArgs;
+use super::session::{SessionArgs, run_arguments};
 use super::task;
 use crate::cli::finished::{put_table, report_problems};
 use crate::cli::inputs::inputs_of;
 use crate::cli::output::{ExitStatus, lock_folder, say, stop_on_interrupt, write_result};
 use crate::cli::run::{RunArgs, finished_until};
+use crate::cli::subject::JobsArg;
 use crate::evaluation::{Comparison, EvaluationError, ReadingSpec, read_tally};
-use crate::files::{FolderLock, LOCK, read_regular, replace, target_of};
+use crate::files::{FolderLock, LOCK, read_regular, target_of};
 use crate::formats::native::ByNumber;
 use crate::metrics::wosac::Scorer;
 use crate::models;
@@ -134,9 +135,8 @@ pub(super) struct AdaptArgs {
     /// Continue in --out where it was interrupted
     #[arg(long)]
     resume: bool,
-    /// Threads; they do not change the result [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    jobs: JobsArg,
     #[command(flatten)]
     reading: ReadingSpec,
 }
@@ -158,7 +158,7 @@ pub(super) fn adapt(args: &AdaptArgs) -> anyhow::Result<ExitStatus> {
     let stop = stop_on_interrupt("keeping what is finished")?;
     let session = |name| SessionArgs::within(args.out.join(name), args.seed, args.resume, args.jobs);
     let (mut imitating, mut rewarded) = (session(TRAINING), session(REWARDED));
-    let jobs = imitating.jobs();
+    let jobs = args.jobs.count();
     let idm = models::find(REACTING).context("there is no reacting simulator")?.simulator()?;
     let interrupted = || {
         say(format_args!("interrupted; to continue, repeat the command with --resume"));
@@ -237,9 +237,7 @@ fn claim_folder(args: &AdaptArgs) -> anyhow::Result<FolderLock> {
     check_folder(args)?;
     let lock = lock_folder(&args.out)?;
     if let Some(text) = check_folder(args)? {
-        let path = args.out.join(ARGUMENTS);
-        replace(&path, |file| writeln!(file, "{text}"))
-            .with_context(|| format!("could not write {}", path.display()))?;
+        write_result(Some(&args.out.join(ARGUMENTS)), |file| writeln!(file, "{text}"))?;
     }
     Ok(lock)
 }
@@ -316,8 +314,7 @@ fn shipped_weights(model: &AdaptableModel, folder: &Path) -> anyhow::Result<Path
         bail!("this program has no weights of `{}` to start from", model.id);
     };
     let path = folder.join("shipped.safetensors");
-    replace(&path, |out| out.write_all(&weights.bytes))
-        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(Some(&path), |out| out.write_all(&weights.bytes))?;
     Ok(path)
 }
 
@@ -340,8 +337,7 @@ fn chosen_haste(
     else {
         return Ok(None);
     };
-    replace(&path, |out| writeln!(out, "{value}"))
-        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(Some(&path), |out| writeln!(out, "{value}"))?;
     Ok(Some(value.to_owned()))
 }
 
@@ -390,15 +386,9 @@ fn table(
         let mut line: Vec<OsString> = vec!["run".into(), scenarios.into()];
         line.extend(protocol.iter().map(OsString::from));
         line.extend(arguments.iter().map(OsString::from));
-        line.extend(["--out".into(), out.clone().into_os_string(), "--keep-rollouts".into()]);
+        line.extend(run_arguments(&out, args.resume, args.jobs));
         line.extend(["--columns".into(), COLUMNS.into()]);
         line.extend(["--rollouts".into(), rollouts(count, number).to_string().into()]);
-        if args.resume && out.exists() {
-            line.push("--resume".into());
-        }
-        if let Some(jobs) = args.jobs {
-            line.extend(["--jobs".into(), jobs.to_string().into()]);
-        }
         let run = RunArgs::parse(line)?;
         let Some((folder, mut summary)) = finished_until(&run, stop)? else { return Ok(None) };
         if let Some(folder) = folder {
@@ -416,9 +406,7 @@ fn table(
     }
     let rows: Vec<Run<'_>> = summaries.iter().map(|(name, summary, _)| Run { name, summary }).collect();
     let Some((.., style)) = summaries.last() else { bail!("there is no scenario to judge by") };
-    let path = args.out.join(VERDICT);
-    replace(&path, |file| writeln!(file, "{:#}", judgement.to_json()))
-        .with_context(|| format!("could not write {}", path.display()))?;
+    write_result(Some(&args.out.join(VERDICT)), |file| writeln!(file, "{:#}", judgement.to_json()))?;
     write_result(None, |out| judgement.write(out))?;
     style.write(&rows, None, None, "")?;
     let failed = rows.iter().any(|run| !run.summary.provenance.failures.is_empty());

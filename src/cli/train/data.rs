@@ -1,8 +1,10 @@
-//! Training scenarios, read by number from native files.
+//! Training scenarios, read by number from native files, and files of scenarios that are made for a training.
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context, bail};
 use rayon::prelude::*;
@@ -10,9 +12,12 @@ use rayon::prelude::*;
 use super::exclusion::Exclusion;
 use crate::cli::inputs::find_inputs;
 use crate::cli::output::say;
+use crate::cli::progress::Progress;
+use crate::curation::driver::CurationObserver;
 use crate::evaluation::{FileRecord, Registrar};
 use crate::formats::native::{ByNumber, Writer};
 use crate::formats::{FormatError, Input, UndecodedScenario};
+use crate::generation::{Ending, in_order};
 use crate::scene::Scenario;
 use crate::training::Source;
 
@@ -149,6 +154,47 @@ fn convert(input: &Input, out: &Path) -> anyhow::Result<()> {
     }
     writer.finish()?;
     Ok(())
+}
+
+/// Writes the scenarios that `make` returns for each number below `end`, unless the files are there already.
+/// Returns whether they are complete.
+pub(super) fn write_absent<const N: usize>(
+    to: [&PathBuf; N],
+    end: usize,
+    jobs: usize,
+    stop: &AtomicBool,
+    make: impl Fn(u64) -> anyhow::Result<[Vec<Scenario>; N]> + Sync,
+) -> anyhow::Result<bool> {
+    if to.iter().all(|path| path.exists()) {
+        // A file has its name only when it is complete.
+        to.into_iter().try_for_each(|path| ByNumber::open(path).map(|_| ()))?;
+        return Ok(true);
+    }
+    let progress = Progress::new();
+    progress.set_total(Some(end));
+    let mut writers = to.iter().map(Writer::create).collect::<Result<Vec<_>, _>>()?;
+    let ending = in_order(
+        0..end as u64,
+        jobs,
+        stop,
+        &mut (),
+        |(), number| (number, make(number)),
+        |(), (number, made)| {
+            for (writer, scenarios) in writers.iter_mut().zip(made?) {
+                scenarios.iter().try_for_each(|scenario| writer.write(scenario))?;
+            }
+            progress.scenario_done(number as usize + 1);
+            Ok::<_, anyhow::Error>(ControlFlow::Continue(()))
+        },
+    );
+    progress.end();
+    if ending? == Ending::Stopped {
+        return Ok(false);
+    }
+    for writer in writers {
+        writer.finish()?;
+    }
+    Ok(true)
 }
 
 impl Source for Data {

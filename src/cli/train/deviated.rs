@@ -10,56 +10,38 @@ use crate::curation::{
     CandidateRecord, Chooser, CurationOutcome, CurationSettings, SOURCES, curate_scenario,
 };
 use crate::rollout::{Controller, DeviatedAv, Request, Settings, roll_out};
-use crate::scene::{AgentState, DeviatedTrack, Scenario};
-
-/// A deviated AV of a scenario.
-pub(super) struct Deviated(DeviatedTrack);
-
-impl Deviated {
-    fn of(chosen: &CandidateRecord) -> Self {
-        Self(DeviatedTrack {
-            category: Some(chosen.taxonomy.category),
-            track: chosen.candidate.track[1..].to_vec(),
-            certificate: chosen.certificate.clone(),
-        })
-    }
-
-    /// Returns the scenario with this AV.
-    pub(super) fn put_into(self, mut scenario: Scenario) -> Scenario {
-        scenario.deviation = Some(self.0);
-        scenario
-    }
-
-    fn track(&self) -> &[AgentState] {
-        &self.0.track
-    }
-}
+use crate::scene::{DeviatedTrack, Scenario};
 
 /// Returns the deviated AV that curation chooses; `None` if nothing was found that the AV could do.
-pub(super) fn deviated(scenario: &Scenario, seed: u64) -> Option<Deviated> {
+pub(super) fn deviated(scenario: &Scenario, seed: u64) -> Option<DeviatedTrack> {
     several(scenario, seed, 1).pop()
 }
 
 /// Returns up to `most` deviated AVs: the one that curation chooses, then what it would choose next to it.
 /// Fewer if nothing else was found that the AV could do.
-pub(super) fn several(scenario: &Scenario, seed: u64, most: usize) -> Vec<Deviated> {
+pub(super) fn several(scenario: &Scenario, seed: u64, most: usize) -> Vec<DeviatedTrack> {
     let settings = CurationSettings { seed, scenes: false, ..CurationSettings::default() };
     let CurationOutcome::Retained(mut record, _) = curate_scenario(scenario, SOURCES[0], &settings) else {
         return Vec::new();
     };
     let mut chooser = Chooser::default();
-    let next = || chooser.choose_among(&mut record, |candidate| !candidate.chosen).map(Deviated::of);
+    let track = |chosen: &CandidateRecord| DeviatedTrack {
+        category: Some(chosen.taxonomy.category),
+        track: chosen.candidate.track[1..].to_vec(),
+        certificate: chosen.certificate.clone(),
+    };
+    let next = || chooser.choose_among(&mut record, |candidate| !candidate.chosen).map(track);
     std::iter::from_fn(next).take(most).collect()
 }
 
 /// Returns the scenario with this AV and with agents that react to it as a simulator does.
 pub(super) fn with_rollout(
     mut scenario: Scenario,
-    deviated: &Deviated,
+    deviated: &DeviatedTrack,
     name: &str,
     simulator: &Controller,
 ) -> anyhow::Result<Scenario> {
-    let av = Arc::new(DeviatedAv::new(&scenario, deviated.track().to_vec())?);
+    let av = Arc::new(DeviatedAv::new(&scenario, deviated.track.clone())?);
     let request = Request { scenario: &scenario, av: Some(av), rollout: 0 };
     let rollout = roll_out(vec![request], simulator, &Settings::default()).pop();
     let rollout = rollout.ok_or_else(|| anyhow!("a rollout is missing"))??;
@@ -72,9 +54,9 @@ pub(super) fn with_rollout(
 /// Returns the scenario with this AV and the responses of its certificate; `None` without a certificate.
 pub(super) fn with_certificate(
     mut scenario: Scenario,
-    deviated: &Deviated,
+    deviated: &DeviatedTrack,
 ) -> anyhow::Result<Option<Scenario>> {
-    let Some(certificate) = &deviated.0.certificate else { return Ok(None) };
-    certified::put(&mut scenario, deviated.track(), certificate)?;
+    let Some(certificate) = &deviated.certificate else { return Ok(None) };
+    certified::put(&mut scenario, &deviated.track, certificate)?;
     Ok(Some(scenario))
 }

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::reader::Reader;
 use super::tensor_file::TensorFile;
 use crate::cli::inputs::find_inputs;
-use crate::cli::output::{ExitStatus, count, nothing, say, stop_on_interrupt, write_result};
+use crate::cli::output::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
 use crate::models::learning::EndPoints;
 use crate::models::perception::Class;
@@ -107,10 +107,5 @@ pub(super) fn intentions(args: &IntentionsArgs) -> anyhow::Result<ExitStatus> {
     };
     let text = toml::to_string(&entry)?;
     write_result(None, |out| out.write_all(text.as_bytes()))?;
-    if reader.failed > 0 {
-        let failed = count(reader.failed, "scenario");
-        say(format_args!("warning: {failed} failed; the points are computed from the others"));
-        return Ok(ExitStatus::SomeFailed);
-    }
-    Ok(ExitStatus::Done)
+    Ok(reader.status("the points are computed from the others"))
 }

@@ -4,14 +4,14 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Args;
 
 use super::reader::Reader;
 use crate::cli::inputs::find_inputs;
 use crate::cli::output::{ExitStatus, count, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
-use crate::files::read_regular;
+use crate::evaluation::weights_file;
 use crate::models::nn::{Backend, check_backend, device_of};
 use crate::models::qp_regression::Policy;
 use crate::models::qp_regression::learn::{MEASURES, Recipe, Regression};
@@ -51,18 +51,16 @@ pub(super) struct OpenLoopArgs {
 
 pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
     let inputs = find_inputs(&args.scenarios)?;
-    let bytes = match &args.weights {
-        Some(path) => read_regular(path).with_context(|| format!("could not read {}", path.display()))?,
-        None => match weights::shipped("qp-regression")? {
-            Some(file) => file.bytes.into_owned(),
-            None => bail!("no weights ship for `qp-regression`: give --weights FILE"),
-        },
+    let weights = match &args.weights {
+        Some(path) => weights_file(path)?,
+        None => weights::shipped("qp-regression")?
+            .context("no weights ship for `qp-regression`: give --weights FILE")?,
     };
     check_backend(args.backend)?;
     let device = device_of(args.backend);
     let name =
         || args.weights.as_ref().map_or_else(|| "shipped weights".to_owned(), |p| p.display().to_string());
-    let policy = Policy::read(&bytes, &device).with_context(name)?;
+    let policy = Policy::read(&weights.bytes, &device).with_context(name)?;
     let recipe = Recipe { network: policy.config, agents: usize::MAX, ..Recipe::default() };
     let task = Regression::new(recipe, policy.intentions, &device);
     let task = if args.with_parked { task.with_parked() } else { task };
@@ -96,10 +94,5 @@ pub(super) fn open_loop(args: &OpenLoopArgs) -> anyhow::Result<ExitStatus> {
         say(format_args!("interrupted: the results cover the scenarios read so far"));
         return Ok(ExitStatus::Interrupted);
     }
-    if reader.failed > 0 {
-        let failed = count(reader.failed, "scenario");
-        say(format_args!("warning: {failed} failed; the results cover the others"));
-        return Ok(ExitStatus::SomeFailed);
-    }
-    Ok(ExitStatus::Done)
+    Ok(reader.status("the results cover the others"))
 }

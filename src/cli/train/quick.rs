@@ -9,10 +9,11 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::recipe::RecipeArgs;
-use super::session::{self, SessionArgs};
+use super::session::{self, SessionArgs, run_arguments};
 use super::task;
 use crate::cli::output::{ExitStatus, lock_folder, note, say, stop_on_interrupt};
 use crate::cli::run::{RunArgs, run_until};
+use crate::cli::subject::JobsArg;
 use crate::models::learning::learning_settings;
 use crate::training::WEIGHTS;
 
@@ -45,16 +46,15 @@ pub(super) struct QuickArgs {
     /// Continue in --out where it was interrupted
     #[arg(long)]
     resume: bool,
-    /// Threads; they do not change the result [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    jobs: JobsArg,
 }
 
 pub(super) fn quick(args: &QuickArgs) -> anyhow::Result<ExitStatus> {
     let _lock = lock_folder(&args.out)?;
     let stop = stop_on_interrupt("keeping what is finished")?;
     let mut session = SessionArgs::within(args.out.join("training"), args.seed, args.resume, args.jobs);
-    let Some(files) = data::make(&args.out, session.jobs(), &stop)? else {
+    let Some(files) = data::make(&args.out, args.jobs.count(), &stop)? else {
         say(format_args!("interrupted; to continue, repeat the command with --resume"));
         return Ok(ExitStatus::Interrupted);
     };
@@ -62,7 +62,7 @@ pub(super) fn quick(args: &QuickArgs) -> anyhow::Result<ExitStatus> {
     session.scenarios = vec![logs.to_string(), format!("{reactions}={REACTIONS_PER_EPOCH}")];
 
     let task = task::find(TASK)?;
-    let recipe = RecipeArgs::named(RECIPE).read(task)?;
+    let recipe = RecipeArgs::of(RECIPE).read(task)?;
     let settings = learning_settings(&recipe, args.seed)?;
     let training = task::build(task, recipe, &[], None, session.backend)?;
     let trained = session.folder()?.join(WEIGHTS);
@@ -88,15 +88,7 @@ fn table(args: &QuickArgs, weights: &Path, stop: &AtomicBool) -> anyhow::Result<
         value.push(weights);
         line.push(value);
     }
-    let folder = args.out.join("run");
-    line.extend(["--out".into(), folder.clone().into_os_string()]);
-    line.push("--keep-rollouts".into());
-    if args.resume && folder.exists() {
-        line.push("--resume".into());
-    }
-    if let Some(jobs) = args.jobs {
-        line.extend(["--jobs".into(), jobs.to_string().into()]);
-    }
+    line.extend(run_arguments(&args.out.join("run"), args.resume, args.jobs));
     run_until(RunArgs::parse(line)?, stop)
 }
 

@@ -3,6 +3,7 @@
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::cli::output::{ExitStatus, count, say};
 use crate::cli::progress::Progress;
 use crate::curation::driver::CurationObserver;
 use crate::formats::Input;
@@ -58,6 +59,15 @@ impl<'a> Reader<'a> {
             }
         }
         visited
+    }
+
+    /// Warns of what could not be read, and says that the `others` were used; returns the status of the command.
+    pub(super) fn status(&self, others: &str) -> ExitStatus {
+        if self.failed == 0 {
+            return ExitStatus::Done;
+        }
+        say(format_args!("warning: {} failed; {others}", count(self.failed, "scenario")));
+        ExitStatus::SomeFailed
     }
 
     fn fail(&mut self, error: &str) {

@@ -1,5 +1,6 @@
 //! Recipes: a shipped one or a file, and single changes.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
@@ -23,14 +24,9 @@ pub(super) struct RecipeArgs {
 }
 
 impl RecipeArgs {
-    /// Returns the arguments of a shipped recipe.
-    pub(super) fn named(name: &str) -> Self {
-        Self { recipe: Some(name.to_owned()), set: Vec::new() }
-    }
-
-    /// Returns the arguments of a recipe in a file.
-    pub(super) fn of_file(path: &Path) -> Self {
-        Self { recipe: Some(path.display().to_string()), set: Vec::new() }
+    /// Returns the arguments of a recipe without changes, by its name or file.
+    pub(super) fn of(recipe: impl Display) -> Self {
+        Self { recipe: Some(recipe.to_string()), set: Vec::new() }
     }
 
     /// Returns the values of the recipe.

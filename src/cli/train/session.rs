@@ -1,5 +1,6 @@
 //! A training on scenarios: data, files, progress.
 
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -14,13 +15,13 @@ use super::data::Data;
 use super::exclusion::Exclusion;
 use super::progress::{CURVES, Progress};
 use crate::cli::output::{ExitStatus, say};
+use crate::cli::subject::JobsArg;
 use crate::evaluation::Time;
 use crate::evaluation::{program_commit, program_version};
 use crate::models::learning::{Trainable, Training};
 use crate::models::nn::Backend;
 use crate::rollout::Controller;
 use crate::training::{ABOUT, Ending, Execution, LOSS, Settings, WEIGHTS};
-use crate::work::available_threads;
 
 /// Arguments of every training.
 #[derive(Debug, Args)]
@@ -48,9 +49,8 @@ pub(super) struct SessionArgs {
     /// Tensor backend of the networks; `reactsim list backends` shows which this program has
     #[arg(long, default_value_t, value_name = "NAME")]
     pub(super) backend: Backend,
-    /// Threads; they do not change the result [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    pub(super) jobs: JobsArg,
     /// Time between checkpoints, such as 90s, 3m or 1h
     #[arg(long, default_value = "3m", value_name = "TIME")]
     checkpoint_every: Time,
@@ -61,7 +61,7 @@ pub(super) struct SessionArgs {
 
 impl SessionArgs {
     /// Returns the arguments of a training in a folder, without scenarios.
-    pub(super) fn within(folder: PathBuf, seed: u64, resume: bool, jobs: Option<u16>) -> Self {
+    pub(super) fn within(folder: PathBuf, seed: u64, resume: bool, jobs: JobsArg) -> Self {
         Self {
             scenarios: Vec::new(),
             out: Some(folder),
@@ -80,11 +80,18 @@ impl SessionArgs {
     pub(super) fn folder(&self) -> anyhow::Result<&Path> {
         self.out.as_deref().context("give --out FOLDER for log, curves, checkpoints and weights")
     }
+}
 
-    /// Number of threads.
-    pub(super) fn jobs(&self) -> usize {
-        self.jobs.map_or_else(available_threads, usize::from)
+/// Returns the arguments with which `run` writes a folder as a training does.
+pub(super) fn run_arguments(out: &Path, resume: bool, jobs: JobsArg) -> Vec<OsString> {
+    let mut line: Vec<OsString> = vec!["--out".into(), out.into(), "--keep-rollouts".into()];
+    if resume && out.exists() {
+        line.push("--resume".into());
     }
+    if let Some(jobs) = jobs.jobs {
+        line.extend(["--jobs".into(), jobs.to_string().into()]);
+    }
+    line
 }
 
 /// Trains a network with these settings, until `stop` is set.
@@ -117,13 +124,13 @@ pub(super) fn train(
     }
     let progress = Progress::new(out);
     let best_by = settings.best_by.clone();
-    let measure =
-        closed_loop.map(|scenarios| |controller: Controller| scenarios.measure(controller, args.jobs()));
+    let measure = closed_loop
+        .map(|scenarios| |controller: Controller| scenarios.measure(controller, args.jobs.count()));
     let outcome = training.learn(Training {
         source: &data,
         settings,
         execution: Execution {
-            jobs: args.jobs(),
+            jobs: args.jobs.count(),
             checkpoint_every: args.checkpoint_every.0,
             keep_every: args.keep_every,
         },

@@ -1,5 +1,6 @@
 //! `reactsim train vocabulary`: motion tokens from scenarios.
 
+use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -9,9 +10,9 @@ use clap::{Args, ValueEnum};
 
 use super::reader::Reader;
 use super::tensor_file::TensorFile;
-use super::vocabulary_manifest::{Entry, Manifest};
+use super::vocabulary_manifest::Entry;
 use crate::cli::inputs::find_inputs;
-use crate::cli::output::{ExitStatus, count, nothing, say, stop_on_interrupt, write_result};
+use crate::cli::output::{ExitStatus, nothing, say, stop_on_interrupt, write_result};
 use crate::cli::progress::Progress;
 use crate::models::ntp::tokens::{
     KDisks, Kinematic, MapVocabularyBuilder, MatchingErrors, Segments, Tokenizer, TrajTok,
@@ -151,7 +152,6 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
         say(format_args!("interrupted: nothing is written"));
         return Ok(ExitStatus::Interrupted);
     }
-    let failed = reader.failed;
     let vocabulary = vocabulary?;
     let written = out.finish(&vocabulary.write()?)?;
     let mut entries = vec![Entry::of_vocabulary(written, &vocabulary, &errors)];
@@ -160,14 +160,7 @@ pub(super) fn vocabulary(args: &VocabularyArgs) -> anyhow::Result<ExitStatus> {
         let written = out.finish(&map.write()?)?;
         entries.push(Entry::of_map_vocabulary(written, &map));
     }
-    let text = toml::to_string(&Manifest { vocabulary: entries })?;
+    let text = toml::to_string(&BTreeMap::from([("vocabulary", entries)]))?;
     write_result(None, |out| out.write_all(text.as_bytes()))?;
-    if failed > 0 {
-        say(format_args!(
-            "warning: {} failed; the vocabulary is built from the others",
-            count(failed, "scenario")
-        ));
-        return Ok(ExitStatus::SomeFailed);
-    }
-    Ok(ExitStatus::Done)
+    Ok(reader.status("the vocabulary is built from the others"))
 }

@@ -9,12 +9,6 @@ use crate::models::learning::Provenance;
 use crate::models::ntp::tokens::{MapVocabulary, MatchingErrors, Vocabulary};
 use crate::models::perception::Class;
 
-/// Manifest of the vocabularies of one call.
-#[derive(Serialize)]
-pub(super) struct Manifest {
-    pub(super) vocabulary: Vec<Entry>,
-}
-
 /// One vocabulary.
 #[derive(Serialize)]
 pub(super) struct Entry {

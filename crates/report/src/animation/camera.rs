@@ -3,7 +3,7 @@
 use reactsim_geometry::{Bounds, Vec2};
 
 use super::Animation;
-use crate::birdseye::{View, moving::StepRenderer};
+use crate::birdseye::Scene;
 
 /// Margin around the AV's path, metres.
 const MARGIN: f64 = 18.0;
@@ -28,16 +28,15 @@ pub(super) struct Camera {
 impl Camera {
     /// Creates a camera for all panels of an animation. A fixed camera sees the whole path of every
     /// panel's AV and all events.
-    pub(super) fn new(animation: &Animation<'_>, views: &[View<'_>], size: f64) -> Self {
+    pub(super) fn new(animation: &Animation<'_>, scenes: &[Scene<'_>], size: f64) -> Self {
         let requested = animation.radius.filter(|r| r.is_finite()).map(|r| r.clamp(5.0, MAX_RADIUS));
         let (radius, fixed) = if animation.follow {
             (requested.unwrap_or(FOLLOW_RADIUS), None)
         } else {
             let mut places = Vec::new();
-            for view in views {
-                let renderer = StepRenderer::new(animation.scenario, view);
-                places.extend((0..=renderer.last()).filter_map(|k| renderer.av(k)).map(|s| s.position()));
-                places.extend(renderer.mark_positions());
+            for scene in scenes {
+                places.extend((0..=scene.last).filter_map(|k| scene.state(0, k)).map(|s| s.position()));
+                places.extend(scene.mark_positions());
             }
             let seen = Bounds::of(places);
             let half = 0.5 * (seen.max - seen.min);
@@ -50,9 +49,9 @@ impl Camera {
 
     /// Returns the centre of a panel at a step, rounded to the pixel grid of the scene, so that static
     /// elements have the same pixels at any camera position.
-    pub(super) fn middle(&self, renderer: &StepRenderer<'_>, step: usize) -> Vec2 {
+    pub(super) fn middle(&self, scene: &Scene<'_>, step: usize) -> Vec2 {
         // For an absent AV, its last position.
-        let over_av = || (0..=step).rev().find_map(|k| renderer.av(k)).map(|s| s.position());
+        let over_av = || (0..=step).rev().find_map(|k| scene.state(0, k)).map(|s| s.position());
         let middle = self.fixed.or_else(over_av).filter(|p| p.x.is_finite() && p.y.is_finite());
         middle.unwrap_or_else(Vec2::zeros).map(|v| (v / self.pixel).round() * self.pixel)
     }

@@ -11,7 +11,7 @@ use resvg::usvg::{self, Options, Tree};
 use super::Panel;
 use super::camera::Camera;
 use crate::birdseye::canvas::{Canvas, Window};
-use crate::birdseye::{Mark, MarkKind, moving::StepRenderer, palette};
+use crate::birdseye::{Mark, MarkKind, Scene, palette};
 
 /// Panels per row.
 const PANELS_PER_ROW: usize = 4;
@@ -33,7 +33,7 @@ const LETTER_SIZE: usize = 8;
 /// All panels of an animation.
 pub(super) struct Stage<'a> {
     pub(super) panels: &'a [Panel<'a>],
-    pub(super) renderers: Vec<StepRenderer<'a>>,
+    pub(super) scenes: Vec<Scene<'a>>,
     pub(super) camera: Camera,
     /// Side of a panel, pixels.
     pub(super) size: usize,
@@ -54,17 +54,17 @@ impl Stage<'_> {
     pub(super) fn draw(&self, step: usize) -> Result<Vec<[u8; 4]>, usvg::Error> {
         let mut canvas = Canvas::new(self.width() as f64, self.height() as f64);
         let mut panels = Vec::new();
-        for (number, (panel, renderer)) in self.panels.iter().zip(&self.renderers).enumerate() {
+        for (number, (panel, scene)) in self.panels.iter().zip(&self.scenes).enumerate() {
             let x = number % PANELS_PER_ROW * (self.size + PANEL_GAP);
             let y = number / PANELS_PER_ROW * (TITLE_HEIGHT + self.size + TIME_HEIGHT);
             title_line(&mut canvas, &panel.title, step, [x, y], self.size);
             let bottom = y + TITLE_HEIGHT + self.size;
-            time_bar(&mut canvas, &panel.marks, [step, renderer.last()], [x, bottom], self.size);
+            time_bar(&mut canvas, &panel.marks, [step, scene.last], [x, bottom], self.size);
             // A document of its own: rounding is then the same in all panels.
             let size = self.size as f64;
             let mut inside = Canvas::new(size, size);
-            let (middle, radius) = (self.camera.middle(renderer, step), self.camera.radius);
-            renderer.draw(&mut inside, step, Window { middle, radius, corner: Vec2::zeros(), size });
+            let (middle, radius) = (self.camera.middle(scene, step), self.camera.radius);
+            scene.draw_step(&mut inside, step, Window { middle, radius, corner: Vec2::zeros(), size });
             panels.push((x as i32, (y + TITLE_HEIGHT) as i32, render(inside)?));
         }
         let mut pixels = render(canvas)?;

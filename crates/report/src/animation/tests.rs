@@ -19,11 +19,11 @@ fn scenario(speed: f64) -> Scenario {
 }
 
 fn moment(animation: &Animation<'_>, step: usize) -> Vec<[u8; 4]> {
-    let view = View { size: f64::from(animation.size), ..View::default() };
-    let camera = Camera::new(animation, std::slice::from_ref(&view), f64::from(animation.size));
+    let view = View::default();
+    let scenes = vec![Scene::new(animation.scenario, &view)];
+    let camera = Camera::new(animation, &scenes, f64::from(animation.size));
     let panels = &[Panel::default()];
-    let renderers = vec![StepRenderer::new(animation.scenario, &view)];
-    Stage { panels, renderers, camera, size: animation.size as usize }.draw(step).unwrap()
+    Stage { panels, scenes, camera, size: animation.size as usize }.draw(step).unwrap()
 }
 
 #[test]
@@ -100,12 +100,12 @@ fn a_picture_shows_one_step() {
 #[test]
 fn panels_that_show_the_same_are_equal() {
     let scenario = scenario(10.0);
-    let view = View { size: 160.0, ..View::default() };
+    let view = View::default();
     let animation = Animation { size: 160, ..Animation::new(&scenario, Vec::new()) };
-    let camera = Camera::new(&animation, std::slice::from_ref(&view), 160.0);
     let panels = [const { Panel { title: String::new(), rollout: None, marks: Vec::new() } }; 4];
-    let renderers = panels.iter().map(|_| StepRenderer::new(&scenario, &view)).collect();
-    let stage = Stage { panels: &panels, renderers, camera, size: 160 };
+    let scenes: Vec<Scene<'_>> = panels.iter().map(|_| Scene::new(&scenario, &view)).collect();
+    let camera = Camera::new(&animation, &scenes, 160.0);
+    let stage = Stage { panels: &panels, scenes, camera, size: 160 };
     for row in stage.draw(40).unwrap().chunks_exact(stage.width()) {
         assert!(row.chunks(168).all(|panel| panel[..160] == row[..160]));
     }

@@ -15,39 +15,38 @@ const STRETCH_FRAMES: usize = 8;
 /// Distance in metres between realised and logged position above which the log is drawn as a ghost.
 const GHOST_DISTANCE: f64 = 0.5;
 
-/// Draws all agents at the given steps, most prominently at the last one.
-pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, steps: &[usize]) {
-    let last = steps[steps.len() - 1];
+/// Draws all agents at a step.
+pub(super) fn draw(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
-    for obstacle in scene.scenario.obstacles_at(scene.current + last) {
-        body(canvas, &obstacle, palette::of(AgentKind::Other), 1.0);
+    for obstacle in scene.scenario.obstacles_at(scene.current + step) {
+        body(canvas, &obstacle, palette::of(AgentKind::Other));
     }
     // The AV is drawn last, on top; what is on a higher level covers it.
     let mut order: Vec<usize> = (0..scene.scenario.start.agents.len()).rev().collect();
-    let frames = scene.current + last + 1;
+    let frames = scene.current + step + 1;
     let tracks = scene.tracks().iter().map(|track| &track[..frames.min(track.len())]);
     let heights = RoadHeights::default().at_end(&scene.scenario.start, &tracks.collect::<Vec<_>>());
     let level = |agent: usize| heights.get(agent).map_or(0, |height| (height / LEVEL_GAP).round() as i64);
     order.sort_by_key(|&agent| level(agent));
     for &agent in &order {
         if scene.view.rollout.is_some() {
-            ghost(canvas, scene, agent, last);
+            ghost(canvas, scene, agent, step);
         }
-        trail(canvas, scene, agent, last);
+        trail(canvas, scene, agent, step);
     }
     deviation(canvas, scene);
-    for (i, &step) in steps.iter().enumerate() {
-        let strength = (i + 1) as f64 / steps.len() as f64;
-        for &agent in &order {
-            if let Some(state) = scene.state(agent, step) {
-                figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent), strength);
-            }
-        }
-    }
+    figures(canvas, scene, &order, step);
     canvas.raw("</g>");
-    marks(canvas, scene, last, true);
-    if scene.view.ids {
-        ids(canvas, scene, last);
+    marks(canvas, scene, step, true);
+    ids(canvas, scene, step);
+}
+
+/// Draws the bodies of agents that are present at a step, in this order.
+pub(super) fn figures(canvas: &mut Canvas, scene: &Scene<'_>, order: &[usize], step: usize) {
+    for &agent in order {
+        if let Some(state) = scene.state(agent, step) {
+            figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent));
+        }
     }
 }
 
@@ -71,26 +70,17 @@ fn trail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let mut first = 0;
     while first < now {
         let end = (first + STRETCH_FRAMES).min(now);
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, first, end);
         let opacity = 0.15 + 0.6 * end as f64 / now as f64;
-        canvas.path(
-            &path,
-            &format!(
-                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\""
-            ),
+        let stroke = format!(
+            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity:.2}\""
         );
+        canvas.draw(&stroke, |path| stretch(path, track, first, end));
         first = end;
     }
-    let mut path = PathData::new(canvas.window());
-    stretch(&mut path, track, now, scene.current + scene.last);
-    canvas.path(
-        &path,
-        &format!(
-            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{:.1}\" stroke-opacity=\"0.4\"",
-            0.55 * width
-        ),
-    );
+    let width = 0.55 * width;
+    let stroke =
+        format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\" stroke-opacity=\"0.4\"");
+    canvas.draw(&stroke, |path| stretch(path, track, now, scene.current + scene.last));
 }
 
 /// Adds the positions of the frames `first..=last` to a path; gaps break the line.
@@ -113,10 +103,10 @@ fn ghost(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     if !(0..=scene.last).any(|k| is_displaced(scene, agent, k)) {
         return;
     }
-    let mut path = PathData::new(canvas.window());
-    stretch(&mut path, &scene.logged[agent], scene.current, scene.current + scene.last);
-    ghost_box(&mut path, scene, agent, step);
-    canvas.path(&path, &ghost_style());
+    canvas.draw(&ghost_style(), |path| {
+        stretch(path, &scene.logged[agent], scene.current, scene.current + scene.last);
+        ghost_box(path, scene, agent, step);
+    });
 }
 
 /// Returns whether the position of an agent at a step differs from the log.
@@ -147,25 +137,21 @@ fn deviation(canvas: &mut Canvas, scene: &Scene<'_>) {
     let (None, Some(deviation)) = (scene.view.rollout, &scene.scenario.deviation) else { return };
     let mut points = vec![scene.scenario.start.now(0).position()];
     points.extend(deviation.track.iter().filter(|s| s.is_finite()).map(AgentState::position));
-    let mut path = PathData::new(canvas.window());
-    path.line(&points);
-    if let Some(last) = deviation.track.last().filter(|s| s.is_finite()) {
-        path.ring(&last.footprint(&scene.scenario.start.agents[0]).corners());
-    }
-    canvas.path(
-        &path,
-        &format!(
-            "fill=\"none\" stroke=\"{}\" stroke-width=\"1.8\" stroke-dasharray=\"5 4\"",
-            palette::AV.line
-        ),
-    );
+    let colour = palette::AV.line;
+    let stroke = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\" stroke-dasharray=\"5 4\"");
+    canvas.draw(&stroke, |path| {
+        path.line(&points);
+        if let Some(last) = deviation.track.last().filter(|s| s.is_finite()) {
+            path.ring(&last.footprint(&scene.scenario.start.agents[0]).corners());
+        }
+    });
 }
 
 /// Draws an agent: pedestrians as discs with a tick, others as boxes with a pale wedge at the front.
-pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint, strength: f64) {
+fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, paint: &Paint) {
     let shape = state.footprint(agent);
     if agent.kind != AgentKind::Pedestrian {
-        body(canvas, &shape, paint, strength);
+        body(canvas, &shape, paint);
         return;
     }
     let window = canvas.window();
@@ -176,7 +162,7 @@ pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, pai
     let radius = (shape.half_length.max(shape.half_width) * window.scale()).max(3.2);
     let tip = direction(state.heading) * (radius + 3.0);
     canvas.raw(&format!(
-        "<g stroke=\"{}\" opacity=\"{strength:.2}\">\
+        "<g stroke=\"{}\" opacity=\"1.00\">\
          <path d=\"M{:.1} {:.1}L{:.1} {:.1}\" stroke-width=\"1.4\"/>\
          <circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{radius:.1}\" fill=\"{}\"/></g>",
         paint.line,
@@ -191,25 +177,17 @@ pub(super) fn figure(canvas: &mut Canvas, agent: &Agent, state: &AgentState, pai
 }
 
 /// Draws a box with a pale wedge that points ahead.
-pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint, strength: f64) {
-    let window = canvas.window();
-    let mut outline = PathData::new(window);
-    outline.ring(&shape.corners());
-    canvas.path(
-        &outline,
-        &format!(
-            "fill=\"{}\" stroke=\"{}\" stroke-width=\"1\" opacity=\"{strength:.2}\"",
-            paint.fill, paint.line
-        ),
-    );
+pub(super) fn body(canvas: &mut Canvas, shape: &OrientedBox, paint: &Paint) {
+    let Paint { fill, line } = paint;
+    canvas
+        .draw(&format!("fill=\"{fill}\" stroke=\"{line}\" stroke-width=\"1\" opacity=\"1.00\""), |outline| {
+            outline.ring(&shape.corners())
+        });
     let (ahead, aside) = (shape.axis * shape.half_length, shape.left() * (0.62 * shape.half_width));
-    let mut wedge = PathData::new(window);
-    wedge.ring(&[
-        shape.center + ahead * 0.88,
-        shape.center + ahead * 0.38 + aside,
-        shape.center + ahead * 0.38 - aside,
-    ]);
-    canvas.path(&wedge, &format!("fill=\"#ffffff\" fill-opacity=\"{:.2}\"", 0.85 * strength));
+    let (tip, base) = (shape.center + ahead * 0.88, shape.center + ahead * 0.38);
+    canvas.draw("fill=\"#ffffff\" fill-opacity=\"0.85\"", |wedge| {
+        wedge.ring(&[tip, base + aside, base - aside]);
+    });
 }
 
 /// Draws the events up to a step at the agent's position at that time, optionally with their steps.

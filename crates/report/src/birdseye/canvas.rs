@@ -109,6 +109,13 @@ impl Canvas {
         }
     }
 
+    /// Adds the path that `put` fills, with these attributes, unless it is empty.
+    pub(super) fn draw(&mut self, attributes: &str, put: impl FnOnce(&mut PathData)) {
+        let mut path = PathData::new(self.window());
+        put(&mut path);
+        self.path(&path, attributes);
+    }
+
     /// Adds an escaped text at a pixel.
     pub(super) fn text(&mut self, at: Vec2, text: &str, attributes: &str) {
         let _ = writeln!(

@@ -35,18 +35,15 @@ pub(super) fn draw(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
 /// Draws drivable area, lanes, junctions, driveways and speed bumps.
 fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
     let window = canvas.window();
-    let mut area = PathData::new(window);
-    for polygon in map.drivable_area.iter().flatten() {
-        area.ring(&polygon.exterior);
-        polygon.holes.iter().for_each(|hole| area.ring(hole));
-    }
-    canvas.path(&area, "fill=\"#e6e7ea\" fill-rule=\"evenodd\"");
-    let mut driveways = PathData::new(window);
-    map.driveways.iter().for_each(|d| driveways.ring(&d.outline));
-    canvas.path(&driveways, "fill=\"#e9e9ea\"");
-    let mut junctions = PathData::new(window);
-    map.intersections.iter().for_each(|ring| junctions.ring(ring));
-    canvas.path(&junctions, &format!("fill=\"{}\"", palette::ROAD));
+    canvas.draw("fill=\"#e6e7ea\" fill-rule=\"evenodd\"", |area| {
+        for polygon in map.drivable_area.iter().flatten() {
+            area.ring(&polygon.exterior);
+            polygon.holes.iter().for_each(|hole| area.ring(hole));
+        }
+    });
+    canvas.draw("fill=\"#e9e9ea\"", |path| map.driveways.iter().for_each(|d| path.ring(&d.outline)));
+    let road = format!("fill=\"{}\"", palette::ROAD);
+    canvas.draw(&road, |path| map.intersections.iter().for_each(|ring| path.ring(ring)));
     if map.drivable_area.is_none() {
         shoulders(canvas, map);
     }
@@ -71,22 +68,16 @@ fn surfaces(canvas: &mut Canvas, map: &RoadMap) {
             canvas.path(path, &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\""));
         }
     }
-    let mut bumps = PathData::new(window);
-    map.speed_bumps.iter().for_each(|b| bumps.ring(&b.outline));
-    canvas.path(&bumps, "fill=\"#c9c3b2\"");
+    canvas.draw("fill=\"#c9c3b2\"", |path| map.speed_bumps.iter().for_each(|b| path.ring(&b.outline)));
 }
 
 /// Draws a pale margin around lanes, for maps without drivable polygons, which have gaps between lanes
 /// and road edges.
 fn shoulders(canvas: &mut Canvas, map: &RoadMap) {
-    let window = canvas.window();
-    let mut path = PathData::new(window);
-    map.lanes.iter().for_each(|lane| path.line(lane.baseline.points()));
-    let width = 2.0 * SHOULDER_HALF_WIDTH * window.scale();
-    canvas.path(
-        &path,
-        &format!("fill=\"none\" stroke=\"#e9eaec\" stroke-width=\"{width:.1}\" stroke-linecap=\"round\""),
-    );
+    let width = 2.0 * SHOULDER_HALF_WIDTH * canvas.window().scale();
+    let stroke =
+        format!("fill=\"none\" stroke=\"#e9eaec\" stroke-width=\"{width:.1}\" stroke-linecap=\"round\"");
+    canvas.draw(&stroke, |path| map.lanes.iter().for_each(|lane| path.line(lane.baseline.points())));
 }
 
 /// Draws crosswalks with zebra stripes in driving direction, across the longest side of the outline.
@@ -127,23 +118,22 @@ fn crosswalks(canvas: &mut Canvas, map: &RoadMap) {
 
 /// Draws road lines: white and yellow, solid and broken.
 fn painted_lines(canvas: &mut Canvas, map: &RoadMap) {
-    let window = canvas.window();
-    let scale = window.scale();
+    let scale = canvas.window().scale();
     for (paints, colour, broken) in [
         (&[0, 2, 3][..], palette::WHITE, false),
         (&[1], palette::WHITE, true),
         (&[6, 7, 8], palette::YELLOW, false),
         (&[4, 5], palette::YELLOW, true),
     ] {
-        let mut path = PathData::new(window);
-        map.road_lines.iter().filter(|l| paints.contains(&l.paint)).for_each(|l| path.line(&l.points));
         let dashes = if broken {
             format!(" stroke-dasharray=\"{:.1} {:.1}\"", 3.0 * scale, 4.5 * scale)
         } else {
             String::new()
         };
         let width = (0.15 * scale).max(1.0);
-        canvas.path(&path, &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\"{dashes}"));
+        let stroke = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width:.1}\"{dashes}");
+        let lines = map.road_lines.iter().filter(|l| paints.contains(&l.paint));
+        canvas.draw(&stroke, |path| lines.for_each(|l| path.line(&l.points)));
     }
 }
 
@@ -172,10 +162,9 @@ fn center_lines(canvas: &mut Canvas, map: &RoadMap) {
 /// Draws road edges; medians are thinner.
 fn edges(canvas: &mut Canvas, map: &RoadMap) {
     for (median, width) in [(true, 1.1), (false, 1.8)] {
-        let mut path = PathData::new(canvas.window());
         let of_kind = map.road_edges.iter().filter(|e| (e.kind == RoadEdgeKind::Median) == median);
-        of_kind.for_each(|e| path.line(&e.points));
-        canvas.path(&path, &format!("fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"", palette::EDGE));
+        let stroke = format!("fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"", palette::EDGE);
+        canvas.draw(&stroke, |path| of_kind.for_each(|e| path.line(&e.points)));
     }
 }
 
@@ -183,9 +172,9 @@ fn edges(canvas: &mut Canvas, map: &RoadMap) {
 fn stop_lines(canvas: &mut Canvas, map: &RoadMap) {
     let width = (0.4 * canvas.window().scale()).max(1.5);
     for (kind, dashes) in [(StopKind::Sign, ""), (StopKind::Yield, " stroke-dasharray=\"3 2\"")] {
-        let mut path = PathData::new(canvas.window());
-        map.stop_lines.iter().filter(|l| l.kind == kind).for_each(|l| path.line(&l.ends));
-        canvas.path(&path, &format!("stroke=\"{}\" stroke-width=\"{width:.1}\"{dashes}", palette::STOP));
+        let of_kind = map.stop_lines.iter().filter(|l| l.kind == kind);
+        let stroke = format!("stroke=\"{}\" stroke-width=\"{width:.1}\"{dashes}", palette::STOP);
+        canvas.draw(&stroke, |path| of_kind.for_each(|l| path.line(&l.ends)));
     }
 }
 
@@ -208,10 +197,9 @@ fn lights(canvas: &mut Canvas, scenario: &Scenario, frame: usize) {
                 far(a).total_cmp(&far(b))
             });
         if let Some(line) = line {
-            let mut bar = PathData::new(window);
-            bar.line(&line.ends);
             let width = (0.5 * window.scale()).max(2.0);
-            canvas.path(&bar, &format!("stroke=\"{colour}\" stroke-width=\"{width:.1}\""));
+            let stroke = format!("stroke=\"{colour}\" stroke-width=\"{width:.1}\"");
+            canvas.draw(&stroke, |bar| bar.line(&line.ends));
         }
         if !window.bounds().contains(light.stop_point) {
             continue;

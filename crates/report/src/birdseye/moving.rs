@@ -5,50 +5,31 @@
 //! deviate from the log have a ghost.
 
 use reactsim_geometry::Vec2;
-use reactsim_scene::{AgentKind, Frame, Scenario};
+use reactsim_scene::AgentKind;
 
-use super::agents::{self, body, figure, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
+use super::agents::{self, body, figures, ghost_box, ghost_style, is_displaced, marks, paint, stretch};
 use super::canvas::{Canvas, PathData, Window};
-use super::{Scene, View, ground, palette};
+use super::{Scene, ground, palette};
 
 /// Number of frames per stretch of a tail.
 const TAIL_STRETCH_FRAMES: usize = 5;
 /// Number of stretches of a tail.
 const TAIL_STRETCHES: usize = 4;
 
-/// Renderer of single steps of a scenario or of a rollout of it.
-pub(crate) struct StepRenderer<'a> {
-    scene: Scene<'a>,
-}
-
-impl<'a> StepRenderer<'a> {
-    /// Creates a renderer; it uses the rollout and the marks of the view.
-    pub(crate) fn new(scenario: &'a Scenario, view: &'a View<'a>) -> Self {
-        Self { scene: Scene::new(scenario, view) }
-    }
-
-    pub(crate) fn last(&self) -> usize {
-        self.scene.last
-    }
-
-    /// Returns the AV's state at a step.
-    pub(crate) fn av(&self, step: usize) -> Frame {
-        self.scene.state(0, step)
-    }
-
+impl Scene<'_> {
     /// Returns the positions of the marked events.
     pub(crate) fn mark_positions(&self) -> impl Iterator<Item = Vec2> {
-        self.scene.view.marks.iter().filter_map(|mark| agents::place(&self.scene, mark))
+        self.view.marks.iter().filter_map(|mark| agents::place(self, mark))
     }
 
-    /// Draws a step in a window of a picture: the map with its lights, the paths of the AV, the
-    /// agents, and the events so far.
-    pub(crate) fn draw(&self, canvas: &mut Canvas, step: usize, window: Window) {
+    /// Draws a step in a window of a picture, with the rollout and the marks of the view: the map with its lights,
+    /// the paths of the AV, the agents, and the events so far.
+    pub(crate) fn draw_step(&self, canvas: &mut Canvas, step: usize, window: Window) {
         canvas.open_window(window, 0);
-        let step = step.min(self.scene.last);
-        ground::draw(canvas, self.scene.scenario, self.scene.current + step);
-        av_paths(canvas, &self.scene);
-        draw_agents(canvas, &self.scene, step);
+        let step = step.min(self.last);
+        ground::draw(canvas, self.scenario, self.current + step);
+        av_paths(canvas, self);
+        draw_agents(canvas, self, step);
         canvas.close_window();
     }
 }
@@ -57,22 +38,16 @@ impl<'a> StepRenderer<'a> {
 fn av_paths(canvas: &mut Canvas, scene: &Scene<'_>) {
     canvas.raw("<g stroke-linejoin=\"round\" stroke-linecap=\"round\">");
     for obstacle in &scene.scenario.start.obstacles {
-        body(canvas, obstacle, palette::of(AgentKind::Other), 1.0);
+        body(canvas, obstacle, palette::of(AgentKind::Other));
     }
     let (now, end) = (scene.current, scene.current + scene.last);
     if scene.view.rollout.is_some() && (0..=scene.last).any(|k| is_displaced(scene, 0, k)) {
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, &scene.logged[0], now, end);
-        canvas.path(&path, &ghost_style());
+        canvas.draw(&ghost_style(), |path| stretch(path, &scene.logged[0], now, end));
     }
     if let Some(track) = scene.tracks().first() {
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, now, end);
         let colour = palette::AV.line;
-        canvas.path(
-            &path,
-            &format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-opacity=\"0.5\""),
-        );
+        let stroke = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-opacity=\"0.5\"");
+        canvas.draw(&stroke, |path| stretch(path, track, now, end));
     }
     canvas.raw("</g>");
 }
@@ -89,11 +64,7 @@ fn draw_agents(canvas: &mut Canvas, scene: &Scene<'_>, step: usize) {
         }
     }
     canvas.path(&ghosts, &ghost_style());
-    for &agent in &order {
-        if let Some(state) = scene.state(agent, step) {
-            figure(canvas, &scene.scenario.start.agents[agent], &state, paint(scene, agent), 1.0);
-        }
-    }
+    figures(canvas, scene, &order, step);
     canvas.raw("</g>");
     marks(canvas, scene, step, false);
 }
@@ -109,16 +80,13 @@ fn tail(canvas: &mut Canvas, scene: &Scene<'_>, agent: usize, step: usize) {
     let width = if agent == 0 { 2.4 } else { 1.6 };
     let last = now / TAIL_STRETCH_FRAMES;
     for k in last.saturating_sub(TAIL_STRETCHES - 1)..=last {
-        let mut path = PathData::new(canvas.window());
-        stretch(&mut path, track, k * TAIL_STRETCH_FRAMES, now.min((k + 1) * TAIL_STRETCH_FRAMES));
         let opacity = 0.75 * (k + TAIL_STRETCHES - last) as f64 / TAIL_STRETCHES as f64;
         let colour = paint(scene, agent).line;
-        canvas.path(
-            &path,
-            &format!(
-                "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
-                 stroke-opacity=\"{opacity:.2}\" stroke-linecap=\"butt\""
-            ),
+        let stroke = format!(
+            "fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+             stroke-opacity=\"{opacity:.2}\" stroke-linecap=\"butt\""
         );
+        let (first, end) = (k * TAIL_STRETCH_FRAMES, now.min((k + 1) * TAIL_STRETCH_FRAMES));
+        canvas.draw(&stroke, |path| stretch(path, track, first, end));
     }
 }

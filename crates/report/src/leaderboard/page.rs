@@ -8,9 +8,9 @@ use reactsim_evaluation::reference::Entry;
 use sha2::{Digest, Sha256};
 
 use super::super::birdseye::escape;
-use super::super::markdown::{cell, marks};
+use super::super::markdown::cell;
 use super::super::table::Column;
-use super::{Line, Lines, about, columns, rank_text, status_legend};
+use super::{Line, Lines, about, columns, rank_text};
 
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("sort.js");
@@ -49,18 +49,7 @@ pub fn write_page(entries: &[Entry], out: &mut dyn Write) -> io::Result<()> {
         row(out, &columns, line)?;
     }
     writeln!(out, "</tbody>\n</table></div>")?;
-    for text in marks(lines.shown.iter().map(|l| l.marks)) {
-        writeln!(out, "<p>{text}.</p>")?;
-    }
-    writeln!(
-        out,
-        "<p>Means over scenarios ± half the width of the 95 % bootstrap interval; \
-         ↓ less is better, ↑ more is.</p>"
-    )?;
     for text in lines.legend() {
-        writeln!(out, "<p>{}.</p>", escape(&text))?;
-    }
-    for text in status_legend(&lines.shown) {
         writeln!(out, "<p>{text}.</p>")?;
     }
     writeln!(out, "<p>{}.</p>\n<script>{SCRIPT}</script>\n</body>\n</html>", escape(&about(entries)))

@@ -21,11 +21,7 @@ macro_rules! script {
         script!("", $name)
     };
     ($folder:literal, $name:literal) => {
-        crate::web::Asset {
-            name: $name,
-            kind: crate::web::JAVASCRIPT,
-            text: include_str!(concat!("assets/", $folder, $name)),
-        }
+        crate::web::Asset { name: $name, text: include_str!(concat!("assets/", $folder, $name)) }
     };
 }
 pub(super) use script;
@@ -123,7 +119,7 @@ pub(super) fn assemble(
     let mut rest = page;
     for (mark, part) in [
         ("<!--policy-->", policy.as_str()),
-        ("/*palette*/", PALETTE.text),
+        ("/*palette*/", PALETTE),
         ("/*style*/", style),
         ("<!--data-->", data.as_str()),
         ("<!--scenes-->", scenes),

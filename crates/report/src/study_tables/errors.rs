@@ -19,14 +19,13 @@ pub(super) fn error_tables(results: &StudyResults) -> Vec<TextTable> {
     let Some(found) = &results.errors else { return Vec::new() };
     let heads = ["Method", "Agents", "Number", "Displacement", "Ahead", "Aside", "Share"];
     let table = |(by, name): (&str, &'static str)| {
-        let mut rows = vec![heads.map(str::to_owned).to_vec()];
-        for simulator in &found.simulators {
-            let groups = simulator.groups.iter().filter(|group| group.by == by);
-            rows.extend(groups.map(|group| row(&title(results, &simulator.id), group)));
-        }
-        TextTable { title: name, texts: 2, rows }
+        let rows = found.simulators.iter().flat_map(|simulator| {
+            let groups = simulator.groups.iter().filter(move |group| group.by == by);
+            groups.map(|group| row(&title(results, &simulator.id), group))
+        });
+        TextTable { title: name, texts: 2, head: heads.map(str::to_owned).to_vec(), rows: rows.collect() }
     };
-    TITLES.into_iter().map(table).filter(|table| table.rows.len() > 1).collect()
+    TITLES.into_iter().map(table).filter(|table| !table.rows.is_empty()).collect()
 }
 
 fn row(title: &str, group: &ErrorGroup) -> Vec<String> {

@@ -4,10 +4,10 @@ use std::io::{self, Write};
 
 use reactsim_evaluation::StudyResults;
 
-use super::planners::{PAIRS, pair_table};
+use super::planners::{PAIRS, TextTable, pair_table};
 use super::{Head, StudyCell, StudyTable, Title, members, tables, text_tables};
 use crate::comparison::signed;
-use crate::latex::{begin_table, column_head, durations, escape, mark, meanings, number};
+use crate::latex::{begin_table, column_head, durations, escape, mark, meanings, number, write_tabular};
 use crate::table::provenance;
 use crate::{Run, TableStyle};
 
@@ -26,67 +26,47 @@ pub fn write_latex(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn 
     begin_table(&comments.collect::<Vec<_>>(), &caption, style.label, out)?;
     if let Some(table) = pairs {
         writeln!(out, "  {}\\\\[2pt]", escape(table.title))?;
-        write_texts(&table.rows, out)?;
+        write_texts(&table, out)?;
         writeln!(out, "\n  \\medskip")?;
     }
     for (i, table) in tables.iter().enumerate() {
         if i > 0 {
             writeln!(out, "\n  \\medskip")?;
         }
-        match table.title {
-            Title::None => {}
-            Title::ByInterval(column) => {
-                writeln!(out, "  {} by steps (of 0.1\\,s) between two plans\\\\[2pt]", column_head(&column))?;
-            }
-            Title::ByPlanner(column) => {
-                writeln!(out, "  {} by planner\\\\[2pt]", column_head(&column))?;
-            }
-            Title::Differences => writeln!(out, "  Difference to the same simulator as it is\\\\[2pt]")?,
+        if let Some(title) = table.title.text(column_head, "\\,") {
+            writeln!(out, "  {title}\\\\[2pt]")?;
         }
         write_table(table, out)?;
     }
     for table in text_tables(results) {
         writeln!(out, "\n  \\medskip\n  {}\\\\[2pt]", escape(table.title))?;
-        write_texts(&table.rows, out)?;
+        write_texts(&table, out)?;
     }
     writeln!(out, "\\end{{table}}")
 }
 
 fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
-    let texts = "l".repeat(1 + table.settings.len());
-    writeln!(out, "  \\begin{{tabular}}{{{texts}{}}}\n    \\toprule", "c".repeat(table.heads.len()))?;
-    let settings = table.settings.iter().map(|head| escape(head));
-    let heads: Vec<String> = settings.chain(table.heads.iter().map(head)).collect();
-    writeln!(out, "    Method & {} \\\\\n    \\midrule", heads.join(" & "))?;
-    for (i, row) in table.rows.iter().enumerate() {
+    let align = format!("{}{}", "l".repeat(1 + table.settings.len()), "c".repeat(table.heads.len()));
+    let texts = std::iter::once(&"Method").chain(&table.settings).map(|head| escape(head));
+    let heads: Vec<String> = texts.chain(table.heads.iter().map(head)).collect();
+    let rows = table.rows.iter().enumerate().map(|(i, row)| {
         let before = i.checked_sub(1).map(|before| &table.rows[before]);
         // Simulators with several variants are separated, and so are oracles from the others.
-        if before.is_some_and(|before| match table.settings.is_empty() {
+        let is_apart = before.is_some_and(|before| match table.settings.is_empty() {
             true => before.marks.is_oracle() && !row.marks.is_oracle(),
             false => before.title != row.title,
-        }) {
-            writeln!(out, "    \\midrule")?;
-        }
+        });
         let method = format!("{}{}", escape(row.title), mark(row.marks));
         let texts = std::iter::once(method).chain(row.settings.iter().map(|text| escape(text)));
-        let cells: Vec<String> = texts.chain(row.cells.iter().map(cell)).collect();
-        writeln!(out, "    {} \\\\", cells.join(" & "))?;
-    }
-    writeln!(out, "    \\bottomrule\n  \\end{{tabular}}")
+        (is_apart, texts.chain(row.cells.iter().map(cell)).collect())
+    });
+    write_tabular(out, &align, &heads, rows)
 }
 
-/// Writes a table of texts, whose first row is its head.
-fn write_texts(rows: &[Vec<String>], out: &mut dyn Write) -> io::Result<()> {
-    let columns = rows.first().map_or(0, Vec::len);
-    writeln!(out, "  \\begin{{tabular}}{{l{}}}\n    \\toprule", "c".repeat(columns.saturating_sub(1)))?;
-    for (i, row) in rows.iter().enumerate() {
-        let cells: Vec<String> = row.iter().map(|text| escape(text)).collect();
-        writeln!(out, "    {} \\\\", cells.join(" & "))?;
-        if i == 0 {
-            writeln!(out, "    \\midrule")?;
-        }
-    }
-    writeln!(out, "    \\bottomrule\n  \\end{{tabular}}")
+fn write_texts(table: &TextTable, out: &mut dyn Write) -> io::Result<()> {
+    let escaped = |cells: &Vec<String>| cells.iter().map(|text| escape(text)).collect::<Vec<_>>();
+    let align = format!("l{}", "c".repeat(table.head.len() - 1));
+    write_tabular(out, &align, &escaped(&table.head), table.rows.iter().map(|row| (false, escaped(row))))
 }
 
 fn head(head: &Head) -> String {

@@ -54,19 +54,19 @@ pub fn write_document(results: &StudyResults, columns: &[Column], out: &mut dyn 
 
 /// Writes the tables and their legend.
 fn write_tables(results: &StudyResults, style: TableStyle<'_>, out: &mut dyn Write) -> io::Result<()> {
-    let put = |table: &TextTable, out: &mut dyn Write| {
+    let put = |table: TextTable, out: &mut dyn Write| {
         writeln!(out, "{}:\n", table.title)?;
-        write_aligned(out, &table.rows, table.texts)
+        write_aligned(out, &table.head, table.rows, table.texts)
     };
     // Whether one planner is better than another is the question.
     if let Some(table) = pair_table(results) {
-        put(&table, out)?;
+        put(table, out)?;
         writeln!(out)?;
     }
     write_values(tables(results, style).iter(), out)?;
     for table in text_tables(results) {
         writeln!(out)?;
-        put(&table, out)?;
+        put(table, out)?;
     }
     write_legend(results, out)?;
     if results.study.kind == StudyKind::Guards {
@@ -97,14 +97,11 @@ fn write_values<'a, 'b: 'a>(
     out: &mut dyn Write,
 ) -> io::Result<()> {
     for (i, table) in tables.enumerate() {
-        let gap = if i > 0 { "\n" } else { "" };
-        match table.title {
-            Title::None => write!(out, "{gap}")?,
-            Title::ByInterval(column) => {
-                writeln!(out, "{gap}{} by steps (of 0.1 s) between two plans:\n", column.head())?;
-            }
-            Title::ByPlanner(column) => writeln!(out, "{gap}{} by planner:\n", column.head())?,
-            Title::Differences => writeln!(out, "{gap}Difference to the same simulator as it is:\n")?,
+        if i > 0 {
+            writeln!(out)?;
+        }
+        if let Some(title) = table.title.text(Column::head, " ") {
+            writeln!(out, "{title}:\n")?;
         }
         write_table(table, out)?;
     }
@@ -120,14 +117,13 @@ fn write_legend(results: &StudyResults, out: &mut dyn Write) -> io::Result<()> {
 
 fn write_table(table: &StudyTable<'_>, out: &mut dyn Write) -> io::Result<()> {
     let texts = std::iter::once(&"Method").chain(&table.settings).map(|text| (*text).to_owned());
-    let head = texts.chain(table.heads.iter().map(head));
-    let mut rows: Vec<Vec<String>> = vec![head.collect()];
-    for row in &table.rows {
+    let head: Vec<String> = texts.chain(table.heads.iter().map(head)).collect();
+    let rows = table.rows.iter().map(|row| {
         let texts =
-            std::iter::once(method(row.title, row.marks)).chain(row.settings.iter().map(|text| escape(text)));
-        rows.push(texts.chain(row.cells.iter().map(text)).collect());
-    }
-    write_aligned(out, &rows, 1 + table.settings.len())
+            std::iter::once(method(row.title, row.marks)).chain(row.settings.iter().map(|t| escape(t)));
+        texts.chain(row.cells.iter().map(text)).collect()
+    });
+    write_aligned(out, &head, rows, 1 + table.settings.len())
 }
 
 fn head(head: &Head) -> String {

@@ -5,11 +5,12 @@ use reactsim_evaluation::{Estimate, PlannerPair, PlannerRanks, StudyResults};
 use crate::comparison::{p_text, signed};
 use crate::table::Column;
 
-/// A table of texts; the first row is its head.
+/// A table of texts.
 pub(super) struct TextTable {
     pub(super) title: &'static str,
     /// Number of columns of texts, which come first; the others are numbers.
     pub(super) texts: usize,
+    pub(super) head: Vec<String>,
     pub(super) rows: Vec<Vec<String>>,
 }
 
@@ -37,28 +38,25 @@ pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
         let counts = [simulator.at_fault.to_string(), count(simulator.ignored), count(simulator.frozen)];
         texts(&title(&simulator.id), &counts)
     });
-    let with_head = |head: Vec<String>, rows: Vec<Vec<String>>| -> Vec<Vec<String>> {
-        std::iter::once(head).chain(rows).collect()
-    };
-    let heads = |heads: &[&str]| heads.iter().map(|head| (*head).to_owned()).collect::<Vec<_>>();
+    let reason_head = ["Method", "At fault", "Agents ignored the AV", "None, as agents were frozen"];
     vec![
         TextTable {
             title: "Rank of the planners by their score, 1 is best",
             texts: 1,
-            rows: with_head(texts("Method", &found.planners), ranks.collect()),
+            head: texts("Method", &found.planners),
+            rows: ranks.collect(),
         },
         TextTable {
             title: "Kendall's tau of the order of planners between two simulators",
             texts: 2,
-            rows: with_head(heads(&["Method", "Method", "Tau", "95 % interval"]), agreement.collect()),
+            head: ["Method", "Method", "Tau", "95 % interval"].map(str::to_owned).to_vec(),
+            rows: agreement.collect(),
         },
         TextTable {
             title: "Collisions that the AV causes, over all planners but the log, and what traffic has to do with them",
             texts: 1,
-            rows: with_head(
-                heads(&["Method", "At fault", "Agents ignored the AV", "None, as agents were frozen"]),
-                reasons.collect(),
-            ),
+            head: reason_head.map(str::to_owned).to_vec(),
+            rows: reasons.collect(),
         },
     ]
 }
@@ -68,12 +66,11 @@ pub(super) fn rank_tables(results: &StudyResults) -> Vec<TextTable> {
 pub(super) fn pair_table(results: &StudyResults) -> Option<TextTable> {
     let found = results.planners.as_ref()?;
     let column = Column::of(&found.score)?;
-    let mut rows = vec![["Planners", "Traffic", "Difference", "p"].map(str::to_owned).to_vec()];
-    for pair in &results.planner_pairs {
-        rows.extend(pair_rows(results, found, pair, &column));
-    }
+    let head = ["Planners", "Traffic", "Difference", "p"].map(str::to_owned).to_vec();
+    let rows = results.planner_pairs.iter().flat_map(|pair| pair_rows(results, found, pair, &column));
+    let rows: Vec<_> = rows.collect();
     let title = "Paired difference of the score between two planners, by traffic model";
-    (rows.len() > 1).then_some(TextTable { title, texts: 2, rows })
+    (!rows.is_empty()).then_some(TextTable { title, texts: 2, head, rows })
 }
 
 fn pair_rows(

@@ -1,22 +1,17 @@
 //! Embedded files of pages; nothing is read from the disk.
 
-/// A file of a page.
+/// A script of a page.
 #[derive(Clone, Copy, Debug)]
 pub struct Asset {
     /// File name.
     pub name: &'static str,
-    /// Media type.
-    pub kind: &'static str,
     /// Content.
     pub text: &'static str,
 }
 
-/// Media type of scripts.
-pub const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
-
 macro_rules! shared {
     ($name:literal) => {
-        Asset { name: $name, kind: JAVASCRIPT, text: include_str!(concat!("assets/", $name)) }
+        Asset { name: $name, text: include_str!(concat!("assets/", $name)) }
     };
 }
 
@@ -32,5 +27,4 @@ pub const SHARED: &[Asset] = &[
 ];
 
 /// Colours of all pages.
-pub const PALETTE: Asset =
-    Asset { name: "palette.css", kind: "text/css; charset=utf-8", text: include_str!("assets/palette.css") };
+pub const PALETTE: &str = include_str!("assets/palette.css");

@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn modules_are_isolated() {
-        let module = |name, text| Asset { name, kind: "", text };
+        let module = |name, text| Asset { name, text };
         let modules = [
             module("a.js", "const secret = 1;\nexport const open = 2;\nexport async function go() {}\n"),
             module("b-c.js", "import { open as o, go } from \"./a.js\";\nimport * as a from \"./a.js\";\n"),

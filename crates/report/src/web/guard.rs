@@ -5,7 +5,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::site::Site;
+use super::server::Site;
 
 /// Criteria that every request must meet.
 #[derive(Clone)]

@@ -15,7 +15,6 @@ use tokio::sync::Notify;
 use tokio_io_timeout::TimeoutStream;
 
 use super::guard::{Guard, guard};
-use super::site::Site;
 
 /// Error in serving a page.
 #[derive(Debug, thiserror::Error)]
@@ -43,6 +42,15 @@ impl Stop {
     pub fn stop(&self) {
         self.0.notify_one();
     }
+}
+
+/// Settings of a site.
+#[derive(Clone, Debug)]
+pub struct Site {
+    /// Hint for requests without the token: how to find the address.
+    pub hint: &'static str,
+    /// Content security policy of the page (`Content-Security-Policy`).
+    pub policy: String,
 }
 
 /// A port that only this machine can reach, and the token that every request needs.

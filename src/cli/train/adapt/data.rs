@@ -1,27 +1,25 @@
 //! Training data of an adaptation: a part of the logs, their reactions and certificates, and a part to judge by.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, bail};
 use serde_json::json;
 
-use crate::cli::output::{count, nothing, say};
+use crate::cli::output::{count, nothing, say, write_result};
 use crate::cli::progress::Progress;
-use crate::cli::train::data::recording_of;
-use crate::cli::train::deviated::{Deviated, deviated, several, with_certificate, with_rollout};
+use crate::cli::train::data::{recording_of, write_absent};
+use crate::cli::train::deviated::{deviated, several, with_certificate, with_rollout};
 use crate::cli::train::exclusion::Exclusion;
 use crate::cli::train::reader::Reader;
-use crate::curation::driver::CurationObserver;
 use crate::evaluation::Registrar;
-use crate::files::{read_regular, replace};
+use crate::files::read_regular;
 use crate::formats::Input;
 use crate::formats::native::{ByNumber, Writer};
-use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
+use crate::generation::{GenerationSettings, Generator, Preset};
 use crate::rollout::Controller;
-use crate::scene::Scenario;
+use crate::scene::{DeviatedTrack, Scenario};
 use crate::training::{leading_bits, unit_interval};
 
 /// Share of the recordings that the table is about, and nothing else.
@@ -125,15 +123,16 @@ pub(super) fn make(
     let (name, simulator) = reacting;
     let (learned, held_out) = (ByNumber::open(&files.logs)?, ByNumber::open(&files.held_out)?);
     let learn = |number: u64| -> anyhow::Result<[Vec<Scenario>; 3]> {
-        let scenario = learned.read(number as usize)?;
+        let mut scenario = learned.read(number as usize)?;
         let Some(chosen) = deviated(&scenario, logs.seed) else { return Ok(Default::default()) };
         let reactions = with_rollout(scenario.clone(), &chosen, name, simulator)?;
         let certificate = with_certificate(scenario.clone(), &chosen)?;
-        Ok([vec![reactions], certificate.into_iter().collect(), vec![chosen.put_into(scenario)]])
+        scenario.deviation = Some(chosen);
+        Ok([vec![reactions], certificate.into_iter().collect(), vec![scenario]])
     };
     let learned_from = learned.len().min(logs.most_deviated);
     let made = [&files.reactions, &files.certificates, &files.tuning];
-    if !derive(made, learned_from, logs, learn)? {
+    if !write_absent(made, learned_from, logs.jobs, logs.stop, learn)? {
         return Ok(None);
     }
     let judged = held_out.len().min(logs.most_judged);
@@ -152,8 +151,9 @@ pub(super) fn make(
         let scenario = generator.scenario(number).ok();
         Ok([scenario.map(|log| with_several(&log, logs.seed, AVS_OF_GENERATED)).unwrap_or_default()])
     };
-    let done = derive([&files.judged, &files.deviated], judged, logs, judge)?
-        && derive([&files.generated], GENERATED_PER_LOG * logs.most_generated, logs, generate)?;
+    let generated = GENERATED_PER_LOG * logs.most_generated;
+    let done = write_absent([&files.judged, &files.deviated], judged, logs.jobs, logs.stop, judge)?
+        && write_absent([&files.generated], generated, logs.jobs, logs.stop, generate)?;
     Ok(done.then_some(files))
 }
 
@@ -165,8 +165,9 @@ fn avs_per_log(logs: f64, rollouts: usize) -> usize {
 
 /// Returns a scenario for each of up to `most` deviated AVs of a log.
 fn with_several(log: &Scenario, seed: u64, most: usize) -> Vec<Scenario> {
-    let with_av = |(number, chosen): (usize, Deviated)| {
-        let mut scenario = chosen.put_into(log.clone());
+    let with_av = |(number, chosen): (usize, DeviatedTrack)| {
+        let mut scenario = log.clone();
+        scenario.deviation = Some(chosen);
         if number > 1 {
             scenario.id = format!("{}{AV}{number}", log.id);
         }
@@ -295,8 +296,7 @@ fn divide(logs: &Logs<'_>, files: &Files, bound: f64) -> anyhow::Result<Option<D
     for writer in writers {
         writer.finish()?;
     }
-    replace(&files.recordings, |out| writeln!(out, "{:#}", json!(recordings)))
-        .with_context(|| format!("could not write {}", files.recordings.display()))?;
+    write_result(Some(&files.recordings), |out| writeln!(out, "{:#}", json!(recordings)))?;
     division.excluded = exclusion.report();
     Ok(Some(division))
 }
@@ -315,44 +315,6 @@ pub(super) fn place(name: &str, seed: u64) -> f64 {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"reactsim-adapt").update(&seed.to_le_bytes()).update(name.as_bytes());
     unit_interval(leading_bits(&hasher.finalize()))
-}
-
-/// Writes the scenarios that `make` returns for each number below `end`, unless they are there already.
-/// Returns whether the files are complete.
-fn derive<const N: usize>(
-    to: [&PathBuf; N],
-    end: usize,
-    logs: &Logs<'_>,
-    make: impl Fn(u64) -> anyhow::Result<[Vec<Scenario>; N]> + Sync,
-) -> anyhow::Result<bool> {
-    if to.iter().all(|path| path.exists()) {
-        return Ok(true);
-    }
-    let progress = Progress::new();
-    progress.set_total(Some(end));
-    let mut writers = to.iter().map(Writer::create).collect::<Result<Vec<_>, _>>()?;
-    let ending = in_order(
-        0..end as u64,
-        logs.jobs,
-        logs.stop,
-        &mut (),
-        |(), number| (number, make(number)),
-        |(), (number, made)| {
-            for (writer, scenarios) in writers.iter_mut().zip(made?) {
-                scenarios.iter().try_for_each(|scenario| writer.write(scenario))?;
-            }
-            progress.scenario_done(number as usize + 1);
-            Ok::<_, anyhow::Error>(ControlFlow::Continue(()))
-        },
-    );
-    progress.end();
-    if ending? == Ending::Stopped {
-        return Ok(false);
-    }
-    for writer in writers {
-        writer.finish()?;
-    }
-    Ok(true)
 }
 
 #[cfg(test)]
@@ -379,7 +341,7 @@ mod tests {
         assert!(ids.iter().all(|id| log_of(id) == log.id));
         assert_eq!(["a+av", "a+avx", "a+idm", "a+av2+av10"].map(log_of), ["a+av", "a+avx", "a+idm", "a+av2"]);
         // The first one is that of the training, and no two are the same.
-        assert_eq!(made[0].deviation, deviated(&log, 0).unwrap().put_into(log.clone()).deviation);
+        assert_eq!(made[0].deviation, deviated(&log, 0));
         let track = |scenario: &Scenario| scenario.deviation.clone().unwrap().track;
         assert!(track(&made[0]) != track(&made[1]) && track(&made[1]) != track(&made[2]));
         assert!(track(&made[0]) != track(&made[2]));

@@ -10,13 +10,12 @@ use serde_json::Map;
 
 use super::model::AdaptableModel;
 use super::{AdaptArgs, MOST_EPOCHS, RECIPE, REWARD_RECIPE, TRAINED_AT};
-use crate::cli::output::{ExitStatus, say};
+use crate::cli::output::{ExitStatus, say, write_result};
 use crate::cli::train::data::Data;
 use crate::cli::train::exclusion::Exclusion;
 use crate::cli::train::recipe::RecipeArgs;
 use crate::cli::train::session::{self, SessionArgs};
 use crate::cli::train::task;
-use crate::files::replace;
 use crate::models;
 use crate::models::learning::{Trainable, Training, TrainingTask, learning_settings, recipe_document};
 use crate::models::nn::Backend;
@@ -96,7 +95,7 @@ impl<'a> Stage<'a> {
         begun: Instant,
         stop: &AtomicBool,
     ) -> anyhow::Result<ExitStatus> {
-        let recipe = RecipeArgs::of_file(&self.recipe(args, session, begun)?).read(self.task)?;
+        let recipe = RecipeArgs::of(self.recipe(args, session, begun)?.display()).read(self.task)?;
         let settings = learning_settings(&recipe, args.seed)?;
         session::train(session, self.build(recipe)?.as_ref(), settings, None, stop)
     }
@@ -131,7 +130,7 @@ impl<'a> Stage<'a> {
             source: &data,
             settings,
             execution: Execution {
-                jobs: session.jobs(),
+                jobs: session.jobs.count(),
                 checkpoint_every: Duration::from_secs(3600),
                 keep_every: 0,
             },
@@ -153,8 +152,7 @@ impl<'a> Stage<'a> {
             "training: {steps:.0} steps of {batch} of {length:.0} scenarios, {per_second:.2} steps/s"
         ));
         let text = recipe_document(&recipe)?;
-        replace(&path, |out| out.write_all(text.as_bytes()))
-            .with_context(|| format!("could not write {}", path.display()))?;
+        write_result(Some(&path), |out| out.write_all(text.as_bytes()))?;
         Ok(path)
     }
 }

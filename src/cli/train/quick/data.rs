@@ -1,16 +1,13 @@
 //! Training data of the quick path: logs, and scenarios in which agents react to an AV that leaves its log.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Context;
 
-use crate::cli::progress::Progress;
+use crate::cli::train::data::write_absent;
 use crate::cli::train::deviated::{deviated, with_rollout};
-use crate::curation::driver::CurationObserver;
-use crate::formats::native::{ByNumber, Writer};
-use crate::generation::{Ending, GenerationSettings, Generator, Preset, in_order};
+use crate::generation::{GenerationSettings, Generator, Preset};
 use crate::models;
 use crate::rollout::Controller;
 use crate::scene::Scenario;
@@ -18,9 +15,9 @@ use crate::scene::Scenario;
 /// Seed of the data, which are the same in every quick training.
 const SEED: u64 = 1;
 /// Number of generated logs.
-const LOGS: u64 = 800;
+const LOGS: usize = 800;
 /// Number of further logs, of which those become scenarios with reactions whose AV can deviate.
-const DEVIATED_LOGS: u64 = 900;
+const DEVIATED_LOGS: usize = 900;
 /// Simulator that reacts.
 const REACTING: &str = "idm";
 
@@ -40,52 +37,15 @@ pub(super) fn make(folder: &Path, jobs: usize, stop: &AtomicBool) -> anyhow::Res
         Generator::new(GenerationSettings { preset, seed: SEED, ..GenerationSettings::default() })?;
     let idm = models::find(REACTING).context("there is no reacting simulator")?.simulator()?;
     // Numbers of scenarios are apart, so that no scenario is in both files.
-    let log = |number| generator.scenario(number).ok();
-    let reaction = |number| generator.scenario(LOGS + number).ok().map(|log| with_reactions(log, &idm));
-    let done = write(&files.logs, LOGS, jobs, stop, |number| Ok(log(number)))?
-        && write(&files.reactions, DEVIATED_LOGS, jobs, stop, |number| {
-            reaction(number).transpose().map(Option::flatten)
-        })?;
+    let log = |number| Ok([generator.scenario(number).into_iter().collect()]);
+    let reaction = |number: u64| -> anyhow::Result<[Vec<Scenario>; 1]> {
+        let log = generator.scenario(LOGS as u64 + number).ok();
+        let made = log.map(|log| with_reactions(log, &idm)).transpose()?;
+        Ok([made.flatten().into_iter().collect()])
+    };
+    let done = write_absent([&files.logs], LOGS, jobs, stop, log)?
+        && write_absent([&files.reactions], DEVIATED_LOGS, jobs, stop, reaction)?;
     Ok(done.then_some(files))
-}
-
-/// Writes the scenarios that `make` returns for the numbers below `end`, unless the file is there already.
-/// Returns whether the file is complete.
-fn write(
-    path: &Path,
-    end: u64,
-    jobs: usize,
-    stop: &AtomicBool,
-    make: impl Fn(u64) -> anyhow::Result<Option<Scenario>> + Sync,
-) -> anyhow::Result<bool> {
-    if path.exists() {
-        // A file has its name only when it is complete.
-        ByNumber::open(path)?;
-        return Ok(true);
-    }
-    let progress = Progress::new();
-    progress.set_total(Some(end as usize));
-    let mut writer = Writer::create(path)?;
-    let ending = in_order(
-        0..end,
-        jobs,
-        stop,
-        &mut (),
-        |(), number| (number, make(number)),
-        |(), (number, scenario)| {
-            if let Some(scenario) = scenario? {
-                writer.write(&scenario)?;
-            }
-            progress.scenario_done(number as usize + 1);
-            Ok::<_, anyhow::Error>(ControlFlow::Continue(()))
-        },
-    );
-    progress.end();
-    if ending? == Ending::Stopped {
-        return Ok(false);
-    }
-    writer.finish()?;
-    Ok(true)
 }
 
 /// Returns the scenario with an AV that deviates and agents that react to it; `None` if nothing was found
