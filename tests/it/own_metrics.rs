@@ -145,16 +145,9 @@ fn runs_without_such_metrics_are_as_before() {
 
 #[test]
 fn unfit_metrics_are_refused() {
-    let error = |ids: &[&'static str]| {
-        let add = |run: Benchmark, id: &&'static str| run.metric(Box::new(Agents { id, more: 0.0 }));
-        match ids.iter().fold(benchmark(), add).run() {
-            Err(error @ BenchmarkError::Metric(_)) => error.to_string(),
-            other => panic!("{ids:?}: {other:?}"),
-        }
-    };
-    assert!(error(&["ade"]).starts_with("metric `ade`: the id is taken"));
-    assert!(error(&["mine", "mine"]).starts_with("metric `mine`: the id is taken"));
-    assert!(error(&["My metric"]).starts_with("metric `My metric`: an id has lower-case letters"));
+    let taken = benchmark().metric(Box::new(Agents { id: "ade", more: 0.0 })).run().unwrap_err();
+    assert!(matches!(taken, BenchmarkError::Metric(_)), "{taken:?}");
+    assert!(taken.to_string().starts_with("metric `ade`: the id is taken"), "{taken}");
 
     let infinite = benchmark().metric(Box::new(Agents { id: "agents", more: f64::INFINITY })).run();
     let Err(BenchmarkError::NothingRun(reason)) = infinite else { panic!("{infinite:?}") };

@@ -237,6 +237,13 @@ fn parameters_that_do_not_fit_together_are_named() {
 fn the_program_refuses_values_out_of_range_before_the_first_scenario() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
+    let refuse = |command: &[&str], set: &str| {
+        let id = set.split('.').next().unwrap();
+        let rest = ["--limit", "1", "--models", id, "--set", set, "--out", text(&out)];
+        let error = refused(&[command, &rest].concat());
+        assert!(!out.exists(), "{command:?} {set}");
+        error
+    };
     for (set, text) in [
         ("idm.limits.jerk=-1", "idm: `limits.jerk` is -1, expected 0.1 to 200 m/s³"),
         ("idm.vehicle.max_curvature=-1", "idm: `vehicle.max_curvature` is -1, expected 0.01 to 1 1/m"),
@@ -247,13 +254,12 @@ fn the_program_refuses_values_out_of_range_before_the_first_scenario() {
         ("stop.deceleration=-1", "stop: `deceleration` is -1, expected 0.1 to 20 m/s²"),
         ("idm.vehicle.headway=-2", "hint: `reactsim list parameters idm` shows"),
     ] {
-        let id = set.split('.').next().unwrap();
-        for command in [&["run"][..], &["study", "replan"], &["study", "guards"]] {
-            let rest = ["--limit", "1", "--models", id, "--set", set, "--out", self::text(&out)];
-            let error = refused(&[command, &rest].concat());
-            assert!(error.contains(text), "{command:?} {set}: {error}");
-            assert!(!out.exists(), "{command:?} {set}");
-        }
+        let error = refuse(&["run"], set);
+        assert!(error.contains(text), "{set}: {error}");
+    }
+    for study in ["replan", "guards"] {
+        let error = refuse(&["study", study], "stop.deceleration=-1");
+        assert!(error.contains("stop: `deceleration` is -1, expected 0.1 to 20 m/s²"), "{study}: {error}");
     }
 }
 
