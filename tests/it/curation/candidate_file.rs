@@ -126,9 +126,6 @@ fn what_can_not_be_meant_is_refused_and_named() {
     };
     for (deviations, expected) in [
         (json!([]), "the file is empty, expected at least one trajectory"),
-        (with(&|d| d["x"][4] = Value::Null), "x, y, heading at step 5 is partly missing"),
-        (with(&|d| d["x"] = json!(vec![0.0; 79])), "y is 80 steps, expected 79 steps"),
-        (with(&|d| d["category"] = json!("up")), "category is `up`"),
         (with(&|d| d["speed"] = json!(1)), "unknown field `speed`"),
     ] {
         let said = run(deviations, &[], 2);
