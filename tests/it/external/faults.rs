@@ -1,15 +1,13 @@
 //! Scripted faults: every one at every message. No run hangs, and every scenario has its right row or a
 //! failure.
 
-use std::sync::atomic::AtomicBool;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use reactsim::evaluation::{self, Execution};
 use reactsim::external::ExternalSettings;
 use reactsim::rollout::Protocol;
 
-use super::{Child, baseline, plan_of, run, start};
+use super::{Child, baseline, execute, plan_of, run, start};
 
 /// Faults that end or break the connection at once.
 const ABRUPT: &[&str] = &[
@@ -128,8 +126,7 @@ fn a_fault_that_ends_every_process_ends_the_run() {
     for fault in &ABRUPT[..6] {
         let simulator = start(child.settings(&format!("{fault} plan 4"), Duration::from_secs(60))).unwrap();
         let plan = plan_of(vec![simulator], Protocol::Reactive);
-        let (execution, stop) = (Execution { jobs: 2, batch: 3 }, AtomicBool::new(false));
-        let error = evaluation::run(&plan, execution, None, plan.tally(), &(), &stop).unwrap_err();
+        let error = execute(&plan, 2, 3, None).0.unwrap_err();
         assert!(error.to_string().contains("3 episodes in a row ended its process"), "{fault}: {error}");
     }
     assert_none_left(&child);
