@@ -7,8 +7,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::Duration;
 
-use crate::program::{program, reactsim};
-use crate::reference::{said, text};
+use crate::program::{program, reactsim, said, text};
 use crate::small_scenarios::{deviations, scenario, write};
 
 /// Returns all files below a folder, by their paths in it.

@@ -22,7 +22,7 @@ use crate::small_scenarios;
 const INTERVALS: [usize; 4] = [1, 5, 7, 80];
 
 /// Returns synthetic, hand-made and, if available, recorded scenarios.
-fn scenarios(recorded: usize) -> Vec<Scenario> {
+pub(crate) fn scenarios(recorded: usize) -> Vec<Scenario> {
     let mut all: Vec<Scenario> = (0..2).map(small_scenarios::scenario).collect();
     all.extend(mini());
     all.extend(real(recorded));

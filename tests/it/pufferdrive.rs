@@ -12,9 +12,10 @@ use serde_json::Value;
 
 use crate::model_weights::untrained;
 use crate::networks::devices;
+use crate::protocol::scenarios;
 use crate::qp::check_limits;
-use crate::scenes::{coasting, mini, real, request};
-use crate::{shared, small_scenarios};
+use crate::scenes::{coasting, request};
+use crate::shared;
 
 fn numbers(value: &Value) -> Vec<f32> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect()
@@ -82,17 +83,10 @@ fn tracks(scenario: &Scenario, controller: &Controller) -> Vec<Vec<Frame>> {
     rollout(scenario, controller).tracks
 }
 
-fn scenarios() -> Vec<Scenario> {
-    let mut all: Vec<Scenario> = (0..2).map(small_scenarios::scenario).collect();
-    all.extend(mini());
-    all.extend(real(1));
-    all
-}
-
 #[test]
 fn with_the_projection_no_choice_of_actions_breaks_the_limits() {
     let wild = simulator(&[("greedy", "false"), ("speed_limit", "40")]);
-    for scenario in &scenarios() {
+    for scenario in &scenarios(1) {
         check_limits(scenario, &rollout(scenario, &wild));
     }
 }
@@ -103,7 +97,7 @@ fn parameters_of_the_card_do_what_they_say() {
     let everything_parked =
         simulator(&[("parked.travel", "1e3"), ("parked.speed", "100"), ("parked.offset", "-1")]);
     let mut differ = 0;
-    for scenario in &scenarios() {
+    for scenario in &scenarios(1) {
         differ += usize::from(tracks(scenario, &with) != tracks(scenario, &without));
         for (agent, track) in scenario.start.agents.iter().zip(tracks(scenario, &everything_parked)).skip(1) {
             if agent.kind == AgentKind::Vehicle {

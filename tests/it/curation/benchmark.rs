@@ -4,18 +4,14 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use reactsim::curation::benchmark::{ANY_GROUP, BenchmarkError, Entry, MISSING, Recipe};
-use reactsim::curation::driver::CurationObserver;
 use reactsim::curation::{CurationProvenance, CurationSettings, PROPORTIONS, SOURCES, in_proportion, store};
 use reactsim::formats::{self, FormatError, native};
 use reactsim::generation::GenerationError;
 use reactsim::geometry::{Polygon, Vec2};
 use reactsim::scene::{CURRENT, MapParts, Scenario};
 
+use super::stats::Quiet;
 use crate::scenes::{arc, car, join, lane, line, scene};
-
-struct Silent;
-
-impl CurationObserver for Silent {}
 
 fn groups() -> Vec<String> {
     ["fork", "road"].map(|g| format!("generated/{g}")).to_vec()
@@ -70,25 +66,30 @@ fn scenario(number: u64) -> Result<Scenario, GenerationError> {
     Ok(scenario)
 }
 
-fn settings() -> CurationSettings {
-    CurationSettings { scenes: false, ..CurationSettings::default() }
+type Made = (Vec<Entry>, Result<CurationProvenance, BenchmarkError>);
+
+fn make(wanted: u64, groups: &[String], jobs: usize, stop_after: usize) -> Made {
+    make_of(scenario, 100, wanted, groups, jobs, stop_after)
 }
 
-fn make(
+/// As [`make`], from other scenarios and with another patience.
+fn make_of(
+    scenario: fn(u64) -> Result<Scenario, GenerationError>,
+    patience: u64,
     wanted: u64,
     groups: &[String],
     jobs: usize,
     stop_after: usize,
-) -> (Vec<Entry>, Result<CurationProvenance, BenchmarkError>) {
-    let settings = settings();
-    let recipe = Recipe { wanted, groups, source: SOURCES[0], settings: &settings, patience: 100, jobs };
+) -> Made {
+    let settings = CurationSettings { scenes: false, ..CurationSettings::default() };
+    let recipe = Recipe { wanted, groups, source: SOURCES[0], settings: &settings, patience, jobs };
     let (mut entries, stop) = (Vec::new(), AtomicBool::new(false));
     let take = |entry| {
         entries.push(entry);
         stop.store(entries.len() >= stop_after, Ordering::Relaxed);
         Ok::<_, FormatError>(())
     };
-    let done = recipe.run(scenario, CurationProvenance::default(), take, &Silent, &stop);
+    let done = recipe.run(scenario, CurationProvenance::default(), take, &Quiet, &stop);
     (entries, done)
 }
 
@@ -167,35 +168,17 @@ fn fewer_scenarios_than_groups_are_of_some_groups() {
 
 #[test]
 fn a_benchmark_ends_with_what_can_be_had() {
-    let recipe_of = |scenario: fn(u64) -> Result<Scenario, GenerationError>, wanted| {
-        let (settings, mut taken) = (settings(), 0);
-        let recipe = Recipe {
-            wanted,
-            groups: &groups(),
-            source: SOURCES[0],
-            settings: &settings,
-            patience: 30,
-            jobs: 2,
-        };
-        let take = |_| {
-            taken += 1;
-            Ok::<_, FormatError>(())
-        };
-        let stop = AtomicBool::new(false);
-        let done = recipe.run(scenario, CurationProvenance::default(), take, &Silent, &stop);
-        (taken, done)
-    };
     let none = |number| Err(GenerationError(format!("{number}: no driver can be the AV")));
-    let (taken, error) = recipe_of(none, 4);
-    assert_eq!(taken, 0);
+    let (taken, error) = make_of(none, 30, 4, &groups(), 2, usize::MAX);
+    assert_eq!(taken.len(), 0);
     assert!(error.unwrap_err().to_string().starts_with("no suitable scenario was found among "));
     // Roads without branches: half of the places are reserved for the other group, until any group is
     // accepted.
     let roads = |number: u64| scenario(2 * number + 1);
-    let (taken, provenance) = recipe_of(roads, 4);
+    let (taken, provenance) = make_of(roads, 30, 4, &groups(), 2, usize::MAX);
     let settings = provenance.unwrap().settings;
-    assert!(taken > 0, "{settings:?}");
-    assert_eq!(settings.contains_key(MISSING), taken < 4, "{settings:?}");
+    assert!(!taken.is_empty(), "{settings:?}");
+    assert_eq!(settings.contains_key(MISSING), taken.len() < 4, "{settings:?}");
 }
 
 #[test]

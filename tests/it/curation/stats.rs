@@ -148,7 +148,7 @@ impl CandidateSource for Shy {
     }
 }
 
-struct Quiet;
+pub(super) struct Quiet;
 
 impl CurationObserver for Quiet {}
 
