@@ -14,38 +14,25 @@ from typing import Any
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT
+from fakes import MINI, ROOT
 from reactsim.program import invoke
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
-
-MINI = ROOT / "scenarios" / "mini"
 
 
 @pytest.fixture(scope="module")
 def runs(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Two runs of two simulators, with other settings of `idm`."""
     folder = tmp_path_factory.mktemp("runs")
-    previous = os.environ.get("REACTSIM_BINARY")
-    os.environ["REACTSIM_BINARY"] = program
-    try:
-        changes = {"before": [], "after": ["--set=idm.vehicle.headway=3"]}
+    changes = {"before": [], "after": ["--set=idm.vehicle.headway=3"]}
+    settings: Any = {"baselines": ["idm"], "progress": False}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REACTSIM_BINARY", program)
         return [
-            reactsim.run(
-                Stop(),
-                MINI,
-                baselines=["idm"],
-                out=folder / name,
-                options=options,
-                progress=False,
-            )
+            reactsim.run(Stop(), MINI, out=folder / name, options=options, **settings)
             for name, options in changes.items()
         ]
-    finally:
-        os.environ.pop("REACTSIM_BINARY")
-        if previous is not None:
-            os.environ["REACTSIM_BINARY"] = previous
 
 
 class TestCompare:
