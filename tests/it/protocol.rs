@@ -10,11 +10,11 @@ mod reversing;
 mod sight;
 
 use reactsim::models::{Baseline, MODELS, ModelError, Setup, find, idm};
-use reactsim::rollout::{Controller, Mix, MixMember, Replan, Rollout, Settings, roll_out};
-use reactsim::scene::{AgentKind, AgentState, Scenario};
+use reactsim::rollout::{Controller, Mix, MixMember, Replan, Settings};
+use reactsim::scene::{AgentKind, Scenario};
 
 use crate::model_weights::untrained;
-use crate::scenes::{mini, real, request};
+use crate::scenes::{mini, real};
 use crate::small_scenarios;
 
 /// Replan intervals: every step, the default, one that does not divide the horizon, and a plan for the whole
@@ -55,8 +55,4 @@ fn every_baseline() -> impl Iterator<Item = (&'static Baseline, Controller)> {
         }
         Some((model, (model.make)(setup).unwrap()))
     })
-}
-
-fn roll(scenario: &Scenario, av: Vec<AgentState>, controller: &Controller, settings: &Settings) -> Rollout {
-    roll_out(vec![request(scenario, av, 0)], controller, settings).remove(0).unwrap()
 }

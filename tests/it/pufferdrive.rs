@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::models::find;
 use reactsim::models::nn::{Initializer, Tensors};
 use reactsim::models::pufferdrive::network::{HIDDEN, Network, ROAD, Recurrent};
-use reactsim::rollout::{Controller, Rollout, Settings, roll_out};
+use reactsim::rollout::{Controller, Rollout, Settings};
 use reactsim::scene::{AgentKind, CURRENT, Frame, Scenario};
 use serde_json::Value;
 
@@ -14,7 +14,7 @@ use crate::model_weights::untrained;
 use crate::networks::devices;
 use crate::protocol::scenarios;
 use crate::qp::check_limits;
-use crate::scenes::{coasting, request};
+use crate::scenes::{coasting, roll};
 use crate::shared;
 
 fn numbers(value: &Value) -> Vec<f32> {
@@ -75,8 +75,7 @@ fn simulator(changes: &[(&str, &str)]) -> Controller {
 }
 
 fn rollout(scenario: &Scenario, controller: &Controller) -> Rollout {
-    let batch = vec![request(scenario, coasting(scenario), 0)];
-    roll_out(batch, controller, &Settings::default()).remove(0).unwrap()
+    roll(scenario, coasting(scenario), controller, &Settings::default())
 }
 
 fn tracks(scenario: &Scenario, controller: &Controller) -> Vec<Vec<Frame>> {
