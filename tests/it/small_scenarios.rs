@@ -1,5 +1,8 @@
 //! Small synthetic scenarios, for tests that need many of them fast.
 
+use std::borrow::Borrow;
+use std::path::Path;
+
 use reactsim::evaluation::{AvChoice, FileRecord, Plan, PlannedSimulator, RunParts, RunSpec, Source};
 use reactsim::formats::{decoded, native::Writer};
 use reactsim::geometry::Vec2;
@@ -147,10 +150,10 @@ pub(crate) fn plan(sources: Vec<Source>, simulators: Vec<PlannedSimulator>) -> P
     spec.plan(RunParts { sources, simulators, ..RunParts::default() }).unwrap()
 }
 
-pub(crate) fn write(path: &std::path::Path, scenarios: impl IntoIterator<Item = Scenario>) {
+pub(crate) fn write<S: Borrow<Scenario>>(path: &Path, scenarios: impl IntoIterator<Item = S>) {
     let mut writer = Writer::create(path).unwrap();
     for scenario in scenarios {
-        writer.write(&scenario).unwrap();
+        writer.write(scenario.borrow()).unwrap();
     }
     writer.finish().unwrap();
 }

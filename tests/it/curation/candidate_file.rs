@@ -88,7 +88,7 @@ fn what_can_not_be_meant_is_refused_and_named() {
     let home = tempfile::tempdir().unwrap();
     let path = |name: &str| home.path().join(name);
     let all: Vec<Scenario> = (0..3).map(closing).collect();
-    write_scenarios(&path("s.parquet"), all.iter().cloned());
+    write_scenarios(&path("s.parquet"), &all);
     let (scenarios, planned, out) = (path("s.parquet"), path("planned.json"), path("out.parquet"));
     let run = |deviations: Value, more: &[&str], code| {
         drop(fs::remove_file(&out));

@@ -14,7 +14,7 @@ fn vocabularies_are_built_by_command() {
     let home = tempfile::tempdir().unwrap();
     let path = |name: &str| text(&home.path().join(name)).to_owned();
     let data = path("data.parquet");
-    write(data.as_ref(), scenarios().iter().take(4).cloned());
+    write(data.as_ref(), scenarios().iter().take(4));
     let (out, map) = (path("v.safetensors"), path("map.safetensors"));
     let build = |out: &str| {
         let arguments = ["train", "vocabulary", &data, "--method", "k-disks", "--out", out, "--seed", "3"];
