@@ -32,11 +32,11 @@ pub(crate) fn scenario(i: usize) -> Scenario {
 /// Returns a file of deviations with the deviated AVs of these scenarios.
 pub(crate) fn deviations(scenarios: &[usize]) -> serde_json::Value {
     let record = |i: &usize| {
-        let track = scenario(*i).deviation.unwrap().track;
-        let each = |of: fn(&AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
-        let id = format!("road-{i:03}");
+        let deviation = scenario(*i).deviation.unwrap();
+        let each = |of: fn(&AgentState) -> f64| deviation.track.iter().map(of).collect::<Vec<_>>();
         serde_json::json!({
-            "scenario_id": id, "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+            "scenario_id": format!("road-{i:03}"), "category": deviation.category.map(Deviation::name),
+            "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
         })
     };
     let records: Vec<_> = scenarios.iter().map(record).collect();
