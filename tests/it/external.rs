@@ -65,14 +65,18 @@ impl Child {
 
     /// Returns the number of processes of this child that still run.
     pub(super) fn left_over(&self) -> usize {
-        let mark = self.folder.path().display().to_string();
-        let is_ours = |entry: &fs::DirEntry| {
-            let line = fs::read(entry.path().join("cmdline")).unwrap_or_default();
-            String::from_utf8_lossy(&line).contains(&mark)
-        };
-        // Without /proc, this cannot be checked.
-        fs::read_dir("/proc").map_or(0, |all| all.flatten().filter(is_ours).count())
+        processes(&self.folder.path().display().to_string())
     }
+}
+
+/// Returns the number of running processes with this text in their command line.
+pub(super) fn processes(mark: &str) -> usize {
+    let has_mark = |entry: &fs::DirEntry| {
+        let line = fs::read(entry.path().join("cmdline")).unwrap_or_default();
+        String::from_utf8_lossy(&line).contains(mark)
+    };
+    // Without /proc, this cannot be checked.
+    fs::read_dir("/proc").map_or(0, |all| all.flatten().filter(has_mark).count())
 }
 
 pub(super) const LONG: Duration = Duration::from_secs(60);
