@@ -185,7 +185,6 @@ fn metrics_from_a_file_are_as_those_of_a_run() {
         assert_eq!(fs::read(added.join("rows.jsonl")).unwrap(), before);
     };
     refused_as(&|d| d["metrics"][0]["id"] = json!("ade"), "metric `ade`: the id is taken");
-    refused_as(&|d| d["metrics"][0]["title"] = json!("<b>"), "metric `agents`: title is `<b>`");
     refused_as(&|d| d["rollouts"][0]["values"] = json!({}), "metric `agents` has no entry");
     refused_as(&|d| drop(d["rollouts"].as_array_mut().unwrap().pop()), "no values are given");
     refused_as(&|d| d["rollouts"][0]["rollout"] = json!(7), "no values are given");

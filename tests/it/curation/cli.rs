@@ -46,7 +46,6 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     insta::assert_snapshot!(error(&["absent", "--out", text(&out)]), @"error: absent: could not read: No such file or directory (os error 2)");
     insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(home.path())]), @"error: HOME: could not create: is a directory");
     insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(&home.path().join("no/c.parquet"))]), @"error: HOME/no/c.parquet: could not create: No such file or directory (os error 2)");
-    insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(&scenarios)]), @"error: HOME/s.parquet is both input and output; choose another --out");
     assert!(!out.exists());
     for verb in ["stats", "review", "apply"] {
         let more: &[&str] = if verb == "apply" { &["d.jsonl", "--out", "HOME/x"] } else { &[] };
