@@ -487,7 +487,6 @@ fn wrong_input_names_the_mend_before_anything_is_run() {
     for (intervals, part) in [
         ("0", "`0` is not a replan interval: expected 1 to 80 steps"),
         ("5,81", "`81` is not a replan interval"),
-        ("abc", "`abc` is not a replan interval"),
         ("", "`` is not a replan interval"),
         ("5,2hz", "axis replan=5steps: its value is there twice"),
     ] {
