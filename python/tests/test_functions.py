@@ -260,7 +260,7 @@ def test_runs_of_baselines() -> None:
         reactsim.run(baselines=["no-such-model"], progress=False)
 
 
-@pytest.mark.parametrize("name", ["-q", "--help", "=x", "a b", 'it\'s "so"'])
+@pytest.mark.parametrize("name", ["-q", "--help", "=x", "a b", 'it\'s "so"', "two\nlines"])
 def test_names_are_no_options(
     name: str, runs: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -272,7 +272,10 @@ def test_names_are_no_options(
     assert reactsim.command("convert", MINI, out=out, progress=False).path == Path(out)
     assert len(list(reactsim.scenarios(out))) == 12
     assert "</svg>" in reactsim.Results(name).svg("cut-in", "idm", source=out)
+    run = reactsim.run(Stop(), out, ids="cut-in", out=f"-{name}", progress=False)
+    assert len({row["scenario"] for row in run._lines("rows.jsonl")}) == 1
     for call in (
+        lambda: reactsim.run(Stop(), MINI, ids=[name], deviations=name, progress=False),
         lambda: reactsim.compare(name, "none"),
         lambda: reactsim.compare(name, name, models=[name, name]),
         lambda: reactsim.command("report", "--", name, format=name),
