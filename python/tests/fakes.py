@@ -19,15 +19,29 @@ PACKAGE = ROOT / "python"
 EXAMPLES = PACKAGE / "examples"
 IMPORTED = Path(reactsim.__file__).resolve().parents[1]
 """Folder from which the tests import the package: the checkout's, or that of an installed wheel."""
+MINI = ROOT / "scenarios" / "mini"
+SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
+"""Sizes of small observations of environments."""
 
 Message = Tuple[Dict[str, str], Dict[str, Array]]
+
+
+def is_running(pid: int) -> bool:
+    """Returns whether a process exists and is no zombie."""
+    stat = Path(f"/proc/{pid}/stat")
+    try:
+        os.kill(pid, 0)
+        # A process without a waiting parent stays in the table.
+        return not stat.exists() or stat.read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
 
 
 def other_lengths(folder: Path) -> Dict[str, Tuple[int, int]]:
     """Writes scenarios of other lengths than the benchmark's; returns history and steps by id."""
     lengths = {"short": (5, 60), "long": (21, 150)}
     for source, (name, (history, steps)) in zip(("cut-in", "platoon"), lengths.items()):
-        document = json.loads((ROOT / "scenarios" / "mini" / f"{source}.json").read_text("utf-8"))
+        document = json.loads((MINI / f"{source}.json").read_text("utf-8"))
         document.update(id=name, history=history, future=steps)
         (folder / f"{name}.json").write_text(json.dumps(document), "utf-8")
     return lengths

@@ -16,28 +16,20 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import IMPORTED, ROOT, other_lengths
+from fakes import IMPORTED, MINI, SMALL, is_running, other_lengths
 from reactsim.process import ProgramProcess
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 
-MINI = ROOT / "scenarios" / "mini"
-SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
-
 
 @pytest.fixture(scope="module")
 def results(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Two rollouts of each small scenario."""
-    previous = os.environ.get("REACTSIM_BINARY")
-    os.environ["REACTSIM_BINARY"] = program
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REACTSIM_BINARY", program)
         out = tmp_path_factory.mktemp("run") / "run"
         yield reactsim.run(baselines=["idm"], scenarios=MINI, out=out, rollouts=2, progress=False)
-    finally:
-        os.environ.pop("REACTSIM_BINARY")
-        if previous is not None:
-            os.environ["REACTSIM_BINARY"] = previous
 
 
 SCRIPT = """
@@ -71,6 +63,13 @@ Careful = SPACE["Careful"]
 
 class Named(Stop):  # type: ignore[misc]
     name = "idm"
+
+
+class Raising(Stop):  # type: ignore[misc]
+    name = "raising"
+
+    def plan(self, now: reactsim.Observation) -> Any:
+        raise ZeroDivisionError("nothing to divide")
 
 
 @pytest.fixture(scope="module")
@@ -204,16 +203,6 @@ class TestScoreStates:
             reactsim.score_states(scenario, logged)
         allowed = reactsim.score_states(scenario, logged, allow=["other-av", "jumps"])
         assert allowed.rollouts[0].metrics["undisturbed-loss"] is None
-
-
-def is_running(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    # A process without a waiting parent stays in the table.
-    stat = Path(f"/proc/{pid}/stat")
-    return not stat.exists() or stat.read_text().rsplit(")", 1)[1].split()[0] != "Z"
 
 
 def pid_of(process: ProgramProcess) -> int:
@@ -587,12 +576,6 @@ class TestEnv:
     ) -> None:
         monkeypatch.setenv("PYTHONPATH", str(IMPORTED))
 
-        class Raising(Stop):  # type: ignore[misc]
-            name = "raising"
-
-            def plan(self, now: reactsim.Observation) -> Any:
-                raise ZeroDivisionError("nothing to divide")
-
         class Wrong(Stop):  # type: ignore[misc]
             name = "wrong"
 
@@ -908,12 +891,6 @@ class TestParallelEnv:
                 *_, infos = env.step(dict(zip(env.agents, states)))
             assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
             assert infos["agent_1"]["scores"].metrics["aav-collision"] is not None
-
-        class Raising(Stop):  # type: ignore[misc]
-            name = "raising"
-
-            def plan(self, now: reactsim.Observation) -> Any:
-                raise ZeroDivisionError("nothing to divide")
 
         env = closing(reactsim.ParallelEnv(MINI, simulator=Raising, **settings))
         env.reset(seed=1)

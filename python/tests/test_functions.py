@@ -14,38 +14,25 @@ from typing import Any
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT
+from fakes import MINI, ROOT
 from reactsim.program import invoke
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
-
-MINI = ROOT / "scenarios" / "mini"
 
 
 @pytest.fixture(scope="module")
 def runs(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Two runs of two simulators, with other settings of `idm`."""
     folder = tmp_path_factory.mktemp("runs")
-    previous = os.environ.get("REACTSIM_BINARY")
-    os.environ["REACTSIM_BINARY"] = program
-    try:
-        changes = {"before": [], "after": ["--set=idm.vehicle.headway=3"]}
+    changes = {"before": [], "after": ["--set=idm.vehicle.headway=3"]}
+    settings: Any = {"baselines": ["idm"], "progress": False}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REACTSIM_BINARY", program)
         return [
-            reactsim.run(
-                Stop(),
-                MINI,
-                baselines=["idm"],
-                out=folder / name,
-                options=options,
-                progress=False,
-            )
+            reactsim.run(Stop(), MINI, out=folder / name, options=options, **settings)
             for name, options in changes.items()
         ]
-    finally:
-        os.environ.pop("REACTSIM_BINARY")
-        if previous is not None:
-            os.environ["REACTSIM_BINARY"] = previous
 
 
 class TestCompare:
@@ -273,7 +260,7 @@ def test_runs_of_baselines() -> None:
         reactsim.run(baselines=["no-such-model"], progress=False)
 
 
-@pytest.mark.parametrize("name", ["-q", "--help", "=x", "a b", 'it\'s "so"'])
+@pytest.mark.parametrize("name", ["-q", "--help", "=x", "a b", 'it\'s "so"', "two\nlines"])
 def test_names_are_no_options(
     name: str, runs: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -285,7 +272,10 @@ def test_names_are_no_options(
     assert reactsim.command("convert", MINI, out=out, progress=False).path == Path(out)
     assert len(list(reactsim.scenarios(out))) == 12
     assert "</svg>" in reactsim.Results(name).svg("cut-in", "idm", source=out)
+    run = reactsim.run(Stop(), out, ids="cut-in", out=f"-{name}", progress=False)
+    assert len({row["scenario"] for row in run._lines("rows.jsonl")}) == 1
     for call in (
+        lambda: reactsim.run(Stop(), MINI, ids=[name], deviations=name, progress=False),
         lambda: reactsim.compare(name, "none"),
         lambda: reactsim.compare(name, name, models=[name, name]),
         lambda: reactsim.command("report", "--", name, format=name),

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 import sys
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import fake_devkit as devkit
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT, Loopback, Message
+from fakes import MINI, Loopback, Message
 from reactsim import nuplan
 from reactsim.client import Array
 from reactsim.roadblocks import parts_of
@@ -241,15 +241,21 @@ class Bare(devkit.AbstractMap):
         return {layer: [] for layer in layers}
 
 
-def started(**arguments: Any) -> Tuple[Program, devkit.Planner]:
-    """Returns an episode of a planner, and the planner."""
-    pytest.importorskip("shapely")
+def planners() -> Tuple[Callable[[], devkit.Planner], List[devkit.Planner]]:
+    """Returns a function that makes planners, and the planners that it made."""
     made: List[devkit.Planner] = []
 
     def new() -> devkit.Planner:
         made.append(devkit.Planner())
         return made[-1]
 
+    return new, made
+
+
+def started(**arguments: Any) -> Tuple[Program, devkit.Planner]:
+    """Returns an episode of a planner, and the planner."""
+    pytest.importorskip("shapely")
+    new, made = planners()
     program = Program(nuplan.wrap(new, **arguments))
     assert program.hello()["name"] == "Straight-on"
     answer = program.start()
@@ -797,12 +803,7 @@ class Factory:
 
 
 def test_maps_of_the_devkit_are_found_by_position() -> None:
-    made: List[devkit.Planner] = []
-
-    def new() -> devkit.Planner:
-        made.append(devkit.Planner())
-        return made[-1]
-
+    new, made = planners()
     factory, asked = Factory(), []
 
     def of_scenario(scenario: str) -> Any:
@@ -863,15 +864,12 @@ def test_scenes_without_lanes_or_a_box_are_refused() -> None:
 @pytest.mark.usefixtures("with_program")
 def test_a_planner_of_the_devkit_drives_in_the_program() -> None:
     pytest.importorskip("shapely")
-    made: List[devkit.Planner] = []
-
-    def new() -> devkit.Planner:
-        made.append(devkit.Planner())
-        return made[-1]
-
-    scenario = ROOT / "scenarios" / "mini" / "platoon.json"
+    new, made = planners()
     results = reactsim.run(
-        planner=nuplan.wrap(new), baselines=["idm"], scenarios=[scenario], progress=False
+        planner=nuplan.wrap(new),
+        baselines=["idm"],
+        scenarios=[MINI / "platoon.json"],
+        progress=False,
     )
     assert len(results.failures) == 0
     assert results.provenance["settings"]["av"].startswith("planner:external:Straight-on")

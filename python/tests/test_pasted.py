@@ -17,7 +17,7 @@ from typing import Any, Dict, List
 
 import pytest
 import reactsim
-from fakes import IMPORTED, ROOT
+from fakes import IMPORTED, MINI, ROOT
 
 pytestmark = [
     pytest.mark.program,
@@ -167,8 +167,7 @@ def logs(program: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
         generate(folder / "training_20s.tfrecord", count=2, history=21, future="20s")
         # So many that there are cyclists.
         generate(folder / "logs" / "a.parquet", count=60)
-        mini = ROOT / "scenarios" / "mini"
-        reactsim.command("convert", mini, out=folder / "scenarios.parquet", progress=False)
+        reactsim.command("convert", MINI, out=folder / "scenarios.parquet", progress=False)
     (folder / "rollouts.json").write_text(json.dumps(ROLLOUTS), "utf-8")
     (folder / "deviations.parquet.decisions.jsonl").touch()
     return folder

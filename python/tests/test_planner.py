@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from types import SimpleNamespace
-from typing import Any, Dict, List, Optional, Sequence
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT, Child, Loopback, Message, make_scenes
+from fakes import MINI, Child, Loopback, Message, make_scenes
 from reactsim.client import Array, Lane, Neighbor, Planner, PlannerObservation, Scene
 from stop import Stop
 
@@ -69,6 +69,15 @@ class Program(Loopback):
         return self.ask("plan", {"frame": str(frame), "steps": str(steps)}, tensors)
 
 
+def started() -> Tuple[Program, Straight]:
+    """Returns an episode with three agents, and its planner."""
+    planner = Straight()
+    program = Program(planner)
+    program.hello()
+    program.start(1, 3, [0])
+    return program, planner
+
+
 def test_episodes_are_kept_apart() -> None:
     planner = Straight()
     program = Program(planner)
@@ -103,10 +112,7 @@ def test_episodes_are_kept_apart() -> None:
     ],
 )
 def test_answers_are_checked(answer: Any, part: str) -> None:
-    planner = Straight()
-    program = Program(planner)
-    program.hello()
-    program.start(1, 3, [0])
+    program, planner = started()
     planner.answer = answer
     text, tensors = program.drive(1, 3, 10, 0, 5)
     if answer is None:
@@ -126,10 +132,7 @@ def test_answers_are_checked(answer: Any, part: str) -> None:
     ],
 )
 def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
-    planner = Straight()
-    program = Program(planner)
-    program.hello()
-    program.start(1, 3, [0])
+    program, planner = started()
     planner.answer = reactsim.Trajectory(np.zeros((5, 3)), present)
     text, tensors = program.drive(1, 3, 10, 0, 5)
     if part:
@@ -144,12 +147,9 @@ def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
 
 
 def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
-    planner = Straight()
     ended: List[int] = []
-    program = Program(planner)
+    program, planner = started()
     program.session.on_end = ended.append
-    program.hello()
-    program.start(1, 3, [0])
     assert planner.continues is None
     program.drive(1, 3, 10, 0, 5)
     memory = planner.last.memory
@@ -180,9 +180,7 @@ def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
 def test_wrong_continuations_are_refused(
     changed: Dict[str, str], slots: List[int], part: str
 ) -> None:
-    program = Program(Straight())
-    program.hello()
-    program.start(1, 3, [0])
+    program, _ = started()
     continues = {"continues": "1", "continued_frame": "14", **changed}
     text, _ = program.start(2, 3, [0], continues, slots)
     assert text["type"] == "failed" and part in text["error"], text
@@ -259,11 +257,10 @@ class Beside(Straight):
 @pytest.mark.usefixtures("with_program")
 def test_the_tracker_reaches_a_plan_beside_the_av() -> None:
     planner = Beside()
-    scenario = ROOT / "scenarios" / "mini" / "platoon.json"
     results = reactsim.run(
         planner=planner,
         baselines=["log-replay"],
-        scenarios=[scenario],
+        scenarios=[MINI / "platoon.json"],
         progress=False,
         reveal_ids=True,
     )

@@ -95,6 +95,14 @@ def test_examples(example: str, reference: object, steps: int) -> None:
         assert child.wait() == (0, "")
 
 
+def plays_stop(child: Child) -> None:
+    """Plays a batch with the example `stop.py`."""
+    assert child.hello()["name"] == "stop-py"
+    roll_out(child, make_scenes())
+    child.bye()
+    assert child.wait() == (0, "")
+
+
 def test_end_of_input() -> None:
     with Child(str(EXAMPLES / "stop.py")) as child:
         child.hello()
@@ -148,10 +156,7 @@ def test_a_script_that_runs_its_simulator_serves_it_too(tmp_path: Path) -> None:
     )
     (tmp_path / "mine.py").write_text(text + '    print("after")\n')
     with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
-        assert child.hello()["name"] == "stop-py"
-        roll_out(child, make_scenes())
-        child.bye()
-        assert child.wait() == (0, "")
+        plays_stop(child)
 
 
 def test_copied_client(tmp_path: Path) -> None:
@@ -161,10 +166,7 @@ def test_copied_client(tmp_path: Path) -> None:
     text = text.replace("import reactsim", "import client as reactsim")
     (tmp_path / "mine.py").write_text(text)
     with Child(str(tmp_path / "mine.py"), env={"PYTHONPATH": str(tmp_path)}) as child:
-        assert child.hello()["name"] == "stop-py"
-        roll_out(child, make_scenes())
-        child.bye()
-        assert child.wait() == (0, "")
+        plays_stop(child)
 
 
 def test_two_copies_of_the_client(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,12 +11,10 @@ import numpy as np
 import pytest
 import reactsim
 from constant_velocity import ConstantVelocity
-from fakes import EXAMPLES, IMPORTED, ROOT
+from fakes import EXAMPLES, IMPORTED, MINI
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
-
-MINI = ROOT / "scenarios" / "mini"
 
 
 def metrics(results: reactsim.Results, simulator: str) -> list[dict[str, Any]]:
@@ -119,20 +116,6 @@ def test_scenarios() -> None:
     assert "</svg>" in scenarios[0].svg()
     with pytest.raises(reactsim.ReactsimError):
         list(reactsim.scenarios("not-there"))
-
-
-@pytest.mark.parametrize(
-    "name", ["-q.json", "--help.json", "=x.json", "a b.json", 'it\'s "so".json', "two\nlines.json"]
-)
-def test_names_are_no_options(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copy(MINI / "cut-in.json", tmp_path / name)
-    monkeypatch.chdir(tmp_path)
-    assert [s.id for s in reactsim.scenarios(name)] == ["cut-in"]
-    results = reactsim.run(Stop(), name, out=f"-{name}", deviations=None, progress=False)
-    assert len({row["scenario"] for row in results._lines("rows.jsonl")}) == 1
-    assert "</svg>" in results.svg("cut-in", "stop-py", source=name)
-    with pytest.raises(reactsim.ReactsimError, match="code 2"):
-        reactsim.run(Stop(), MINI, ids=["--help"], deviations="-q", progress=False)
 
 
 def test_rollouts() -> None:

@@ -14,11 +14,9 @@ from typing import Any
 import pytest
 import reactsim
 import reactsim.ray
-from fakes import EXAMPLES, IMPORTED, ROOT
+from fakes import EXAMPLES, IMPORTED, MINI, is_running
 from reactsim.program import call
 from reactsim.ray import run_partitions
-
-MINI = ROOT / "scenarios" / "mini"
 
 program_needed = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 pytestmark = [
@@ -156,14 +154,6 @@ def wait_for(condition: Any) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
-
-
-def is_running(process: int) -> bool:
-    """Returns whether a process exists and is no zombie."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
 
 
 def test_without_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:

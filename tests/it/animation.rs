@@ -3,7 +3,6 @@
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
-use std::process::Output;
 
 use gif::{ColorOutput, DecodeOptions, Repeat};
 use reactsim::evaluation::CASE_STUDIES;
@@ -12,7 +11,10 @@ use reactsim::report::animation::{Animation, Panel};
 use reactsim::report::birdseye::{Mark, MarkKind};
 use reactsim::scene::{CURRENT, Frame, Scenario};
 
-use crate::program::program;
+use crate::program::{BENCH, MINI, refused, said, text};
+use crate::small_scenarios::{deviating, parts, write};
+
+const CROSSING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/mini/crossing.json");
 
 /// Pixels above and below a panel.
 const AROUND: usize = 46;
@@ -50,18 +52,9 @@ fn film(bytes: &[u8]) -> Film {
     Film { width, height, moments, delays, forever: decoder.repeat() == Repeat::Infinite }
 }
 
-fn mini(name: &str) -> Scenario {
-    let path = format!("{}/scenarios/mini/{name}.json", env!("CARGO_MANIFEST_DIR"));
-    formats::open(Path::new(&path)).unwrap().next().unwrap().unwrap()
-}
-
-fn inspect(arguments: &[&str]) -> Output {
-    let program = program();
-    { program }.arg("inspect").args(arguments).output().unwrap()
-}
-
-fn crossing() -> String {
-    format!("{}/scenarios/mini/crossing.json", env!("CARGO_MANIFEST_DIR"))
+/// Returns the first scenario of a file.
+fn first(path: &str) -> Scenario {
+    formats::open(Path::new(path)).unwrap().next().unwrap().unwrap()
 }
 
 #[test]
@@ -69,9 +62,7 @@ fn a_scenario_becomes_a_film() {
     let home = tempfile::tempdir().unwrap();
     let path = |name: &str| home.path().join(name).to_str().unwrap().to_owned();
     for out in [path("a.gif"), path("b.gif")] {
-        let output = inspect(&[&crossing(), "--gif", &out]);
-        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-        assert!(String::from_utf8_lossy(&output.stdout).contains("scenario"));
+        assert!(said(&["inspect", CROSSING, "--gif", &out], 0).0.contains("scenario"));
     }
     let bytes = fs::read(path("a.gif")).unwrap();
     assert!(bytes == fs::read(path("b.gif")).unwrap(), "the same twice");
@@ -90,7 +81,7 @@ fn a_scenario_becomes_a_film() {
 #[test]
 fn what_does_not_move_stays_as_it_is() {
     // Agents that stand as in the log have no ghosts: only the time and the event change.
-    let mut parts = crate::small_scenarios::parts(0, false);
+    let mut parts = parts(0, false);
     for agent in &mut parts.agents {
         agent.track = vec![agent.track[CURRENT]; agent.track.len()];
     }
@@ -110,7 +101,7 @@ fn what_does_not_move_stays_as_it_is() {
 
 #[test]
 fn panels_stand_side_by_side_and_steps_can_be_left_out() {
-    let scenario = mini("platoon");
+    let scenario = first(&format!("{MINI}/platoon.json"));
     let panels = vec![Panel { title: "a".into(), ..Panel::default() }; 2];
     let animation = Animation { size: 160, every: 30, ..Animation::new(&scenario, panels) };
     let film = film(&animation.encode().unwrap());
@@ -127,9 +118,7 @@ fn panels_stand_side_by_side_and_steps_can_be_left_out() {
 
 #[test]
 fn a_generated_scenario_is_small() {
-    let path = format!("{}/scenarios/bench.parquet", env!("CARGO_MANIFEST_DIR"));
-    let scenario = formats::open(Path::new(&path)).unwrap().next().unwrap().unwrap();
-    let bytes = Animation::new(&scenario, Vec::new()).encode().unwrap();
+    let bytes = Animation::new(&first(BENCH), Vec::new()).encode().unwrap();
     assert!(bytes.len() < 600_000, "{} bytes", bytes.len());
     assert_eq!(film(&bytes).moments.len(), 81);
 }
@@ -144,13 +133,7 @@ fn the_picture_of_the_readme_is_whole() {
 
 #[test]
 fn wrong_arguments_are_told_with_the_mend() {
-    let scenario = crossing();
-    let error = |arguments: &[&str]| {
-        let output = inspect(&[&[scenario.as_str()], arguments].concat());
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        assert!(output.stdout.is_empty(), "{arguments:?} printed a result");
-        String::from_utf8(output.stderr).unwrap()
-    };
+    let error = |arguments: &[&str]| refused(&[&["inspect", CROSSING], arguments].concat());
     let nowhere = "/nowhere/at/all.gif";
     assert!(
         error(&["--gif", nowhere, "--every", "40", "--size", "100"])
@@ -176,16 +159,11 @@ fn wrong_arguments_are_told_with_the_mend() {
 fn simulators_that_are_run_on_the_spot_do_as_in_a_run() {
     let home = tempfile::tempdir().unwrap();
     let path = |name: &str| home.path().join(name).to_str().unwrap().to_owned();
-    let (run, scenario) = (path("run"), crossing());
-    let ran = { program() }
-        .args(["run", &scenario, "--models", "log-replay,idm", "--keep-rollouts", "--out", &run])
-        .output()
-        .unwrap();
-    assert_eq!(ran.status.code(), Some(0), "{}", String::from_utf8_lossy(&ran.stderr));
+    let run = path("run");
+    said(&["run", CROSSING, "--models", "log-replay,idm", "--keep-rollouts", "--out", &run], 0);
     let draw = |more: &[&str], out: &str| {
-        let picture = ["--simulator", "log-replay,idm", "--gif", out];
-        let output = inspect(&[&[scenario.as_str()], &picture[..], more].concat());
-        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let picture = ["inspect", CROSSING, "--simulator", "log-replay,idm", "--gif", out];
+        said(&[&picture[..], more].concat(), 0);
         fs::read(out).unwrap()
     };
     let (live, recorded) = (draw(&[], &path("live.gif")), draw(&["--rollout", &run], &path("recorded.gif")));
@@ -204,9 +182,7 @@ fn split(moment: &[[u8; 4]], size: usize) -> [Vec<[u8; 4]>; 2] {
 fn every_case_study_is_in_the_shipped_benchmark() {
     for (case, category) in CASE_STUDIES.iter().zip(["longitudinal", "lateral", "directional", "directional"])
     {
-        let output = inspect(&["--case", case.name]);
-        let text = String::from_utf8(output.stdout).unwrap();
-        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let (text, _) = said(&["inspect", "--case", case.name], 0);
         assert!(text.contains(case.scenario) && text.contains(category), "{text}");
         assert!(
             text.contains("is enough to avoid the AV") && text.contains("answers the AV, for example by"),
@@ -214,23 +190,15 @@ fn every_case_study_is_in_the_shipped_benchmark() {
         );
         assert!(include_str!("../../docs/benchmark-card.md").contains(case.scenario), "{case:?}");
     }
-    let wrong = inspect(&["--case", "nothing"]);
-    let text = String::from_utf8_lossy(&wrong.stderr);
-    assert!(
-        wrong.status.code() == Some(2) && text.contains("hard-stop, cut-in, turn-across, merge"),
-        "{text}"
-    );
+    let (_, wrong) = said(&["inspect", "--case", "nothing"], 2);
+    assert!(wrong.contains("hard-stop, cut-in, turn-across, merge"), "{wrong}");
 }
 
 #[test]
 fn a_scenario_without_deviated_av_has_nothing_to_react_to() {
     let home = tempfile::tempdir().unwrap();
     let path = home.path().join("plain.parquet");
-    let plain = Scenario::assemble(crate::small_scenarios::parts(0, false)).unwrap();
-    let mut writer = formats::native::Writer::create(&path).unwrap();
-    writer.write(&plain).unwrap();
-    writer.finish().unwrap();
-    let output = inspect(&[path.to_str().unwrap(), "--simulator", "idm", "--gif", "x.gif"]);
-    let text = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.code() == Some(2) && text.contains("has no deviated AV"), "{text}");
+    write(&path, [deviating(0, false)]);
+    let (_, error) = said(&["inspect", text(&path), "--simulator", "idm", "--gif", "x.gif"], 2);
+    assert!(error.contains("has no deviated AV"), "{error}");
 }

@@ -11,6 +11,8 @@ use std::{env, fs, thread};
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
+use crate::program::program;
+
 /// Time limit of any operation, on a slow machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -153,7 +155,7 @@ pub(crate) struct Served {
 impl Served {
     /// Starts the program and reads the address of the page.
     pub(crate) fn new(arguments: &[&str]) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_reactsim"))
+        let mut process = program()
             .args(arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

@@ -14,7 +14,7 @@ use std::sync::OnceLock;
 
 use reactsim::models::{Card, MODELS};
 
-use crate::program::{json_of, reactsim, refused, said, stderr, stdout, text};
+use crate::program::{json_of, reactsim, refused, said, stderr, stdout, text, words};
 
 /// Reads the files of a run that must not depend on how it was executed.
 fn results(folder: &Path) -> Vec<Vec<u8>> {
@@ -149,46 +149,18 @@ fn help_fits_a_terminal() {
 
     Without arguments, the program runs the default baselines on the shipped scenarios.
     ");
-    for verb in [
-        "run",
-        "score",
-        "curate",
-        "generate",
-        "train",
-        "convert",
-        "import",
-        "report",
-        "compare",
-        "verify",
-        "reference",
-        "leaderboard",
-        "view",
-        "study",
-        "inspect",
-        "export",
-        "merge",
-        "list",
-    ] {
-        let (help, _) = said(&[verb, "--help"], 0);
-        assert!(help.contains("Usage: reactsim"), "{verb}");
+    let verbs = "run score curate generate train convert import report compare verify reference leaderboard \
+                 view study inspect export merge list";
+    let kinds = [
+        ["study replan", "study realism", "study guards"],
+        ["export av", "export scenes", "export wosac"],
+        ["curate stats", "curate apply", "curate review"],
+    ];
+    for command in verbs.split(' ').chain(kinds.into_iter().flatten()) {
+        let (help, _) = said(&[&words(command)[..], &["--help"]].concat(), 0);
+        assert!(help.contains(&format!("Usage: reactsim {command}")), "{help}");
         let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
-        assert!(widest < 100, "{verb}: {widest} columns");
-    }
-    for (verb, kind) in [
-        ("study", "replan"),
-        ("study", "realism"),
-        ("study", "guards"),
-        ("export", "av"),
-        ("export", "scenes"),
-        ("export", "wosac"),
-        ("curate", "stats"),
-        ("curate", "apply"),
-        ("curate", "review"),
-    ] {
-        let (help, _) = said(&[verb, kind, "--help"], 0);
-        assert!(help.contains(&format!("Usage: reactsim {verb} {kind}")), "{help}");
-        let widest = help.lines().map(|l| l.chars().count()).max().unwrap();
-        assert!(widest < 100, "{verb} {kind}: {widest} columns");
+        assert!(widest < 100, "{command}: {widest} columns");
     }
     for old in ["export-av", "scenes"] {
         refused(&[old]);

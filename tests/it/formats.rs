@@ -27,9 +27,11 @@ use reactsim::formats::{
     CurrentFrames, FormatError, FutureChoice, Input, LengthChoice, UndecodedScenario, find_inputs, native,
     open,
 };
-use reactsim::scene::{AgentKind, Lane, RoadMap, Scenario};
+use reactsim::scene::{AgentKind, Lane, LaneClass, LightState, RoadEdgeKind, RoadMap, Scenario};
 
 use reactsim_test_support::proto::{self, Proto};
+
+use crate::small_scenarios::write;
 
 /// Text of a refusal, and the change of valid input that causes it.
 pub(crate) type Case<T> = (&'static str, fn(&mut T));
@@ -172,10 +174,24 @@ pub(crate) fn refusal(path: &Path) -> String {
     all.remove(0).unwrap_err().to_string()
 }
 
-pub(crate) fn write_native(path: &Path, scenarios: &[Scenario]) {
-    let mut writer = native::Writer::create(path).unwrap();
-    scenarios.iter().for_each(|s| writer.write(s).unwrap());
-    writer.finish().unwrap();
+/// Checks the scenario `made`, which files of GPUDrive and of ScenarioNet state each in their words.
+fn check_made(s: &Scenario) {
+    assert_eq!((s.id.as_str(), s.origin.x, s.origin.y), ("made", 1020.0, 0.0));
+    let ids: Vec<&str> = s.start.agents.iter().map(|a| a.id.as_str()).collect();
+    assert_eq!(ids, ["8", "7", "9"], "the AV, then by distance, then in the order of the file");
+    assert_eq!(s.start.agents[2].kind, AgentKind::Pedestrian);
+    assert!(s.start.history[1][2].is_none() && s.start.history[1][3].is_some());
+    assert!((s.start.now(0).heading - 0.01).abs() < 1e-12 && s.start.now(0).vx == 10.0);
+    assert_eq!((s.tracks_to_predict[0].as_str(), s.objects_of_interest[0].as_str()), ("7", "9"));
+    let map = &s.start.map;
+    assert_eq!(map.lanes.iter().map(|l| l.id.as_str()).collect::<Vec<_>>(), ["100", "101", "102"]);
+    assert_eq!((&map.lanes[0].successors[..], &map.lanes[1].predecessors[..]), (&[1][..], &[0][..]));
+    assert_eq!(map.lanes[1].class, LaneClass::Freeway);
+    let edges = (map.road_edges[0].kind, map.road_edges[1].kind);
+    assert_eq!(edges, (RoadEdgeKind::Boundary, RoadEdgeKind::Median));
+    assert_eq!(map.road_lines[0].paint, 6, "solid single yellow");
+    let shown = s.light_states(0);
+    assert_eq!((shown[0], shown[1], shown[90]), (Some(LightState::Stop), None, Some(LightState::ArrowGo)));
 }
 
 const HAND_WRITTEN: &str = r#"{
@@ -216,7 +232,7 @@ fn hand_written_scenarios_survive_native_bit_for_bit() {
     assert_eq!(scenario.start.map.lanes[1].predecessors, [0]);
     assert_eq!(scenario.light_states(0)[45], None);
     assert_eq!(scenario.deviation.as_ref().unwrap().track.len(), 80);
-    write_native(&parquet, &scenarios);
+    write(&parquet, &scenarios);
     let back = good(&parquet);
     assert_eq!(back[0].digest(), scenario.digest());
     assert_eq!(back[0].start.map, scenario.start.map);
@@ -232,7 +248,7 @@ fn generated_messages_survive_native_bit_for_bit() {
     fs::write(&womd, proto::records(&many)).unwrap();
     let scenarios = good(&womd);
     assert_eq!(scenarios.len(), 19);
-    write_native(&parquet, &scenarios);
+    write(&parquet, &scenarios);
     let before: Vec<String> = scenarios.iter().map(Scenario::digest).collect();
     let after: Vec<String> = good(&parquet).iter().map(Scenario::digest).collect();
     assert_eq!(before, after);

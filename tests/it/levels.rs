@@ -11,8 +11,8 @@ use reactsim::scene::{
     CURRENT, FRAMES, LoggedAgent, MapHeights, MapParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
 };
 
-use crate::formats::write_native;
 use crate::scenes::{accelerations, car, coasting, future, lane, line, parts, roll_with, scores};
+use crate::small_scenarios::write;
 
 /// Returns an agent with the same height at all frames, metres.
 fn at_height(agent: LoggedAgent, height: f64) -> LoggedAgent {
@@ -207,7 +207,7 @@ fn heights_survive_native_files() {
         scenario
     };
     let scenarios: Vec<Scenario> = (0..11).map(named).collect();
-    write_native(&path, &scenarios);
+    write(&path, &scenarios);
     let back: Vec<Scenario> = formats::open(&path).unwrap().map(Result::unwrap).collect();
     for (a, b) in scenarios.iter().zip(&back) {
         assert_eq!(a.digest(), b.digest());

@@ -1,24 +1,20 @@
 //! The tables of a run folder have the content of its JSON lines.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs::File;
 use std::path::Path;
 
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::Value;
 
-use crate::program::{MINI, ended};
+use crate::program::{MINI, ended, lines_of};
 
 /// Reads a table: a map from column to value per row.
 fn table(path: &Path) -> Vec<BTreeMap<String, Field>> {
     let reader = SerializedFileReader::new(File::open(path).unwrap()).unwrap();
     let rows = reader.get_row_iter(None).unwrap();
     rows.map(|row| row.unwrap().into_columns().into_iter().collect()).collect()
-}
-
-fn lines(path: &Path) -> Vec<Value> {
-    fs::read_to_string(path).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
 fn text(field: &Field) -> Option<&str> {
@@ -50,7 +46,7 @@ fn tables_hold_what_the_lines_hold() {
 
     let values = table(&run.join("values.parquet"));
     let mut next = values.iter();
-    for row in lines(&run.join("rows.jsonl")) {
+    for row in lines_of(&run.join("rows.jsonl")) {
         let metrics = row["metrics"].as_object().unwrap();
         let found: BTreeMap<&str, _> =
             next.by_ref().take(metrics.len()).map(|v| (text(&v["metric"]).unwrap(), v)).collect();
@@ -76,7 +72,7 @@ fn tables_hold_what_the_lines_hold() {
     }
     assert!(next.next().is_none() && values.len() > 500, "{} values", values.len());
 
-    let (events, lines) = (table(&run.join("events.parquet")), lines(&run.join("events.jsonl")));
+    let (events, lines) = (table(&run.join("events.parquet")), lines_of(&run.join("events.jsonl")));
     assert_eq!(events.len(), lines.len());
     for (event, line) in events.iter().zip(&lines) {
         for (column, field) in [

@@ -131,7 +131,6 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
         with(None, &["--models", id, "--model-weights", &weights], &[part]);
     }
     with(None, &["--models", "stop", asked[0], asked[1]], &["`pufferdrive`, which does not run"]);
-    with(None, &[asked, asked].concat(), &["two values for `pufferdrive`"]);
 
     with(Some(&whole[..whole.len() / 2]), &asked, &["some.safetensors of `pufferdrive`", "cut short"]);
     let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n";
@@ -155,7 +154,6 @@ fn weights_that_can_not_be_used_are_refused_before_the_first_scenario() {
 fn parameters_that_are_none_are_refused_by_name() {
     for (set, part) in [
         ("idm.vehicle.headwind=1", "no parameter `vehicle.headwind`; it has: "),
-        ("idm.vehicle.headway=soon", "`soon` is not a valid `vehicle.headway`"),
         ("idm.vehicle.headway", "write ID.KEY=VALUE"),
         ("idm=1", "write ID.KEY=VALUE"),
         ("nobody.x=1", "there is no simulator `nobody`"),

@@ -288,6 +288,13 @@ pub(crate) fn moved(mut scenario: Scenario, angle: f64, shift: Vec2) -> Scenario
     scenario
 }
 
+/// Reverses the order of the agents behind the AV.
+pub(crate) fn reverse_agents(scenario: &mut Scenario) {
+    scenario.start.agents[1..].reverse();
+    scenario.start.history[1..].reverse();
+    scenario.log_future.tracks[1..].reverse();
+}
+
 #[test]
 fn the_order_of_agents_does_not_matter() {
     let device = device();
@@ -296,9 +303,7 @@ fn the_order_of_agents_does_not_matter() {
     let before = logits_of(&policy, &scenario, &tracks(&scenario), &device);
     // The AV stays in slot 0.
     let n = scenario.start.agents.len();
-    scenario.start.agents[1..].reverse();
-    scenario.start.history[1..].reverse();
-    scenario.log_future.tracks[1..].reverse();
+    reverse_agents(&mut scenario);
     let mut after = logits_of(&policy, &scenario, &tracks(&scenario), &device);
     after.iter_mut().filter(|l| l.slot > 0).for_each(|l| l.slot = n - l.slot);
     after.sort_by_key(|l| (l.frame, l.slot));

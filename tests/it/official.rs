@@ -9,7 +9,7 @@ use reactsim::evaluation::{Estimate, read_summary};
 use reactsim_test_support::nuplan::{Fixture, ORIGIN, bench_name};
 use reactsim_test_support::pickle::{Py, pickle};
 
-use crate::program::{said, stderr, stdout, text};
+use crate::program::{copy, said, stderr, stdout, text};
 use crate::reference::{edit_both, run};
 
 const PAPER: &str = "reactsim-bench-paper";
@@ -76,7 +76,7 @@ fn log_replay_is_compared_with_the_paper() {
 #[test]
 fn runs_that_cannot_be_compared_with_the_paper_are_refused() {
     let home = tempfile::tempdir().unwrap();
-    let other = crate::reference::copy(run(), &home.path().join("other"));
+    let other = copy(run(), &home.path().join("other"));
     assert!(said(&["verify", PAPER], 2).1.contains("give the run to compare with --run"));
     assert!(said(&["verify", "--run", text(run())], 2).1.contains("with reactsim-bench-paper only"));
     assert!(said(&["verify", PAPER, "--run", text(run()), "--quick"], 2).1.contains("leave --quick out"));
@@ -85,7 +85,7 @@ fn runs_that_cannot_be_compared_with_the_paper_are_refused() {
     assert!(table.contains("not computed: the run did not keep its rollouts"), "{table}");
     assert!(row(&table, &["Steer. (%)", "`curvature-velocity`"]).len() == 6);
     // Scenarios that are not there.
-    let moved = crate::reference::copy(run(), &home.path().join("moved"));
+    let moved = copy(run(), &home.path().join("moved"));
     edit_both(&moved, |provenance| provenance["inputs"][0]["blake3"] = "00".repeat(32).into());
     let (table, _) = said(&["verify", PAPER, "--run", text(&moved)], 1);
     assert!(table.contains("not computed: the scenarios of the run are not there"), "{table}");

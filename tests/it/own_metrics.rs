@@ -145,16 +145,9 @@ fn runs_without_such_metrics_are_as_before() {
 
 #[test]
 fn unfit_metrics_are_refused() {
-    let error = |ids: &[&'static str]| {
-        let add = |run: Benchmark, id: &&'static str| run.metric(Box::new(Agents { id, more: 0.0 }));
-        match ids.iter().fold(benchmark(), add).run() {
-            Err(error @ BenchmarkError::Metric(_)) => error.to_string(),
-            other => panic!("{ids:?}: {other:?}"),
-        }
-    };
-    assert!(error(&["ade"]).starts_with("metric `ade`: the id is taken"));
-    assert!(error(&["mine", "mine"]).starts_with("metric `mine`: the id is taken"));
-    assert!(error(&["My metric"]).starts_with("metric `My metric`: an id has lower-case letters"));
+    let taken = benchmark().metric(Box::new(Agents { id: "ade", more: 0.0 })).run().unwrap_err();
+    assert!(matches!(taken, BenchmarkError::Metric(_)), "{taken:?}");
+    assert!(taken.to_string().starts_with("metric `ade`: the id is taken"), "{taken}");
 
     let infinite = benchmark().metric(Box::new(Agents { id: "agents", more: f64::INFINITY })).run();
     let Err(BenchmarkError::NothingRun(reason)) = infinite else { panic!("{infinite:?}") };
@@ -192,7 +185,6 @@ fn metrics_from_a_file_are_as_those_of_a_run() {
         assert_eq!(fs::read(added.join("rows.jsonl")).unwrap(), before);
     };
     refused_as(&|d| d["metrics"][0]["id"] = json!("ade"), "metric `ade`: the id is taken");
-    refused_as(&|d| d["metrics"][0]["title"] = json!("<b>"), "metric `agents`: title is `<b>`");
     refused_as(&|d| d["rollouts"][0]["values"] = json!({}), "metric `agents` has no entry");
     refused_as(&|d| drop(d["rollouts"].as_array_mut().unwrap().pop()), "no values are given");
     refused_as(&|d| d["rollouts"][0]["rollout"] = json!(7), "no values are given");

@@ -17,6 +17,16 @@ const MODELS: &str = "log-replay,constant-velocity,stop,idm";
 /// Longest answer to anything that is done to the list, milliseconds.
 const PROMPT: f64 = 100.0;
 
+/// Keeps the last download of a page in `window.last`.
+const KEEP_DOWNLOADS: &str = "const made = URL.createObjectURL; \
+    URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }";
+
+/// Returns the data in a page.
+pub(crate) fn data_of(page: &str) -> Value {
+    let data = page.split_once("id=\"data\">").unwrap().1.split_once("</script>").unwrap().0;
+    serde_json::from_str(data).unwrap()
+}
+
 /// A run of the scenarios at a path with its page, and the page's address.
 fn page(folder: &Path, scenarios: &str, options: &[&str]) -> (PathBuf, String) {
     let (run, page) = (folder.join("run"), folder.join("page.html"));
@@ -151,7 +161,7 @@ fn the_page_says_what_the_run_found() {
     assert!(lines.len() == 4 && lines.contains(&scenarios), "{lines:?}");
 
     // Every download is what the program prints.
-    page.evaluate("window.saved = {}; const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
+    page.evaluate(KEEP_DOWNLOADS);
     for (name, format) in [("results.csv", "csv"), ("results.json", "json"), ("results.tex", "latex")] {
         let script = format!(
             "(async () => {{ [...document.querySelectorAll('#downloads button')].find(b => b.textContent === '{name}').click(); return await window.last.text(); }})()"
@@ -171,8 +181,7 @@ fn the_first_screen_shows_a_collision_and_a_reaction() {
     let folder = tempfile::tempdir().unwrap();
     let (run, address) = page(folder.path(), MINI, &["--cases", "0"]);
     let text = fs::read_to_string(folder.path().join("page.html")).unwrap();
-    let data = text.split_once("id=\"data\">").unwrap().1.split_once("</script>").unwrap().0;
-    let data: Value = serde_json::from_str(data).unwrap();
+    let data = data_of(&text);
     let lead = |name: &str| usize::try_from(data["lead"][name].as_u64().unwrap()).unwrap();
     assert!(text.contains(&format!("id=\"scene-{}\"", lead("scenario"))), "it has a scene without --cases");
     let scenario = &data["scenarios"]["id"][lead("scenario")];
@@ -313,7 +322,7 @@ fn the_viewer_is_worked_by_mouse_keys_and_address() {
 
     // A case study is one drawing with a panel for every simulator and time.
     open(&mut page, &format!("{address}#scenario={scenario}&t=0&left=log-replay&right=idm"));
-    page.evaluate("const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
+    page.evaluate(KEEP_DOWNLOADS);
     page.until("!document.getElementById('stage').hidden");
     let strip = page.evaluate(
         "(async () => { const t = document.getElementById('strip-times'); t.value = '0, 2.5, 5'; document.getElementById('strip-save').click(); const text = await window.last.text(); \
@@ -373,7 +382,7 @@ fn names_of_scenarios_and_simulators_are_text() {
         format!("CV {hostile}")
     );
     page.evaluate("document.getElementById('layer-ids').click()");
-    page.evaluate("const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.last = blob; return made.call(URL, blob); }");
+    page.evaluate(KEEP_DOWNLOADS);
     let strip = page.evaluate(
         "(async () => { document.getElementById('strip-save').click(); const xml = new DOMParser().parseFromString(await window.last.text(), 'image/svg+xml'); \
          return [xml.querySelector('parsererror') === null, xml.querySelectorAll('img, script').length]; })()",
@@ -615,8 +624,7 @@ fn the_page_of_planners_is_about_planners() {
     said(&[&study[..], &["--out", text(&out)]].concat(), 0);
     said(&["report", text(&out), "--format", "html", "--out", text(&path)], 0);
     let page = fs::read_to_string(&path).unwrap();
-    let data = page.split_once("id=\"data\">").unwrap().1.split_once("</script>").unwrap().0;
-    let data: Value = serde_json::from_str(data).unwrap();
+    let data = data_of(&page);
     // First, the traffic decides whether a planner is at fault.
     let lead = &data["lead"];
     let number = |value: &Value| usize::try_from(value.as_u64().unwrap()).unwrap();

@@ -7,8 +7,7 @@ use std::process::Stdio;
 use std::thread::sleep;
 use std::time::Duration;
 
-use crate::program::{program, reactsim};
-use crate::reference::{said, text};
+use crate::program::{program, reactsim, said, text, words};
 use crate::small_scenarios::{deviations, scenario, write};
 
 /// Returns all files below a folder, by their paths in it.
@@ -279,20 +278,6 @@ fn partitions_that_make_no_sense_are_refused() {
     refuses(&["run", &input, "--partition", "1/2"], "--out");
     refuses(&["run", &input, "--partition", "3/2", "--out", &out], "expected I/N");
     refuses(&["score", "x.json", "--partition", "1/2", "--out", &out], "--partition goes with --wosac only");
-    refuses(
-        &[
-            "generate",
-            "--preset",
-            "train",
-            "--count",
-            "3",
-            "--density",
-            "9",
-            "--partition",
-            "1/2",
-            "--out",
-            &out,
-        ],
-        "density 9",
-    );
+    let dense = format!("generate --preset train --count 3 --density 9 --partition 1/2 --out {out}");
+    refuses(&words(&dense), "density 9");
 }

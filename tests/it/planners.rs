@@ -124,22 +124,6 @@ fn a_map_without_lanes_is_a_failure_with_its_reason() {
 }
 
 #[test]
-fn wrong_planners_are_refused_with_the_mend() {
-    let refused = |av: &str, more: &[&str]| {
-        let command = ["run", "--limit", "1", "--models", "stop", "--av", av];
-        said(&[&command[..], more].concat(), 2).1
-    };
-    assert!(
-        refused("planner:pdm", &[])
-            .contains("choose log, pdm-closed, idm, diffusion-planner, simulator:<id>")
-    );
-    assert!(refused("planner:pdm-closed,tracker=perfect", &[]).contains("use tracker=lqr"));
-    assert!(refused("planner:idm,every=81", &[]).contains("1 to 80 steps"));
-    let realism = refused("planner:idm", &["--protocol", "realism"]);
-    assert!(realism.contains("`av`"), "{realism}");
-}
-
-#[test]
 fn planners_are_studied_under_several_simulators() {
     let home = tempfile::tempdir().unwrap();
     let (out, alone) = (home.path().join("study"), home.path().join("alone"));
@@ -228,7 +212,6 @@ fn planners_are_studied_under_several_simulators() {
     let refused = |more: &[&str]| said(&[&study[..6], more, &["--out", "never"]].concat(), 2).1;
     assert!(refused(&["--av", "log"]).contains("`study planners` sets it: leave out --av"));
     assert!(refused(&["--planners", "pdm-closed", "--tracker", "perfect"]).contains("use tracker=lqr"));
-    assert!(refused(&["--planners", "idm,idm"]).contains("axis av=planner:idm: its value is there twice"));
     assert!(refused(&["--planners", "external:mine"]).contains("define it with `planner` NAME=COMMAND"));
     assert!(refused(&["--planners", "simulator:log-replay"]).contains("cannot drive the AV"));
 }

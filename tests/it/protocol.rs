@@ -10,11 +10,11 @@ mod reversing;
 mod sight;
 
 use reactsim::models::{Baseline, MODELS, ModelError, Setup, find, idm};
-use reactsim::rollout::{Controller, Mix, MixMember, Replan, Rollout, Settings, roll_out};
-use reactsim::scene::{AgentKind, AgentState, Scenario};
+use reactsim::rollout::{Controller, Mix, MixMember, Replan, Settings};
+use reactsim::scene::{AgentKind, Scenario};
 
 use crate::model_weights::untrained;
-use crate::scenes::{mini, real, request};
+use crate::scenes::{mini, real};
 use crate::small_scenarios;
 
 /// Replan intervals: every step, the default, one that does not divide the horizon, and a plan for the whole
@@ -22,7 +22,7 @@ use crate::small_scenarios;
 const INTERVALS: [usize; 4] = [1, 5, 7, 80];
 
 /// Returns synthetic, hand-made and, if available, recorded scenarios.
-fn scenarios(recorded: usize) -> Vec<Scenario> {
+pub(crate) fn scenarios(recorded: usize) -> Vec<Scenario> {
     let mut all: Vec<Scenario> = (0..2).map(small_scenarios::scenario).collect();
     all.extend(mini());
     all.extend(real(recorded));
@@ -55,8 +55,4 @@ fn every_baseline() -> impl Iterator<Item = (&'static Baseline, Controller)> {
         }
         Some((model, (model.make)(setup).unwrap()))
     })
-}
-
-fn roll(scenario: &Scenario, av: Vec<AgentState>, controller: &Controller, settings: &Settings) -> Rollout {
-    roll_out(vec![request(scenario, av, 0)], controller, settings).remove(0).unwrap()
 }

@@ -6,15 +6,16 @@ use burn::tensor::{Device, Tensor, TensorData};
 use reactsim::models::find;
 use reactsim::models::nn::{Initializer, Tensors};
 use reactsim::models::pufferdrive::network::{HIDDEN, Network, ROAD, Recurrent};
-use reactsim::rollout::{Controller, Rollout, Settings, roll_out};
+use reactsim::rollout::{Controller, Rollout, Settings};
 use reactsim::scene::{AgentKind, CURRENT, Frame, Scenario};
 use serde_json::Value;
 
 use crate::model_weights::untrained;
-use crate::networks::devices;
+use crate::networks::{devices, values, worst};
+use crate::protocol::scenarios;
 use crate::qp::check_limits;
-use crate::scenes::{coasting, mini, real, request};
-use crate::{shared, small_scenarios};
+use crate::scenes::{coasting, roll};
+use crate::shared;
 
 fn numbers(value: &Value) -> Vec<f32> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap() as f32).collect()
@@ -45,13 +46,9 @@ fn golden_on(device: &Device) {
         Recurrent { hidden: Tensor::zeros([1, HIDDEN], device), cell: Tensor::zeros([1, HIDDEN], device) };
     for step in golden["steps"].as_array().unwrap() {
         let output = network.forward(ego.clone(), road.clone(), partners.clone(), kept);
-        let logits: Vec<f32> = output.logits.into_data().iter::<f32>().collect();
-        let wanted = numbers(&step["logits"]);
-        assert_eq!(logits.len(), wanted.len());
-        for (a, b) in logits.iter().zip(&wanted) {
-            assert!((a - b).abs() < 1e-3, "{a} is not {b}");
-        }
-        let value: f32 = output.value.into_data().iter::<f32>().next().unwrap();
+        let far = worst(&values(output.logits), &numbers(&step["logits"]));
+        assert!(far < 1e-3, "{far}");
+        let value = values(output.value)[0];
         assert!((f64::from(value) - step["value"].as_f64().unwrap()).abs() < 1e-3);
         kept = output.next;
     }
@@ -74,25 +71,17 @@ fn simulator(changes: &[(&str, &str)]) -> Controller {
 }
 
 fn rollout(scenario: &Scenario, controller: &Controller) -> Rollout {
-    let batch = vec![request(scenario, coasting(scenario), 0)];
-    roll_out(batch, controller, &Settings::default()).remove(0).unwrap()
+    roll(scenario, coasting(scenario), controller, &Settings::default())
 }
 
 fn tracks(scenario: &Scenario, controller: &Controller) -> Vec<Vec<Frame>> {
     rollout(scenario, controller).tracks
 }
 
-fn scenarios() -> Vec<Scenario> {
-    let mut all: Vec<Scenario> = (0..2).map(small_scenarios::scenario).collect();
-    all.extend(mini());
-    all.extend(real(1));
-    all
-}
-
 #[test]
 fn with_the_projection_no_choice_of_actions_breaks_the_limits() {
     let wild = simulator(&[("greedy", "false"), ("speed_limit", "40")]);
-    for scenario in &scenarios() {
+    for scenario in &scenarios(1) {
         check_limits(scenario, &rollout(scenario, &wild));
     }
 }
@@ -103,7 +92,7 @@ fn parameters_of_the_card_do_what_they_say() {
     let everything_parked =
         simulator(&[("parked.travel", "1e3"), ("parked.speed", "100"), ("parked.offset", "-1")]);
     let mut differ = 0;
-    for scenario in &scenarios() {
+    for scenario in &scenarios(1) {
         differ += usize::from(tracks(scenario, &with) != tracks(scenario, &without));
         for (agent, track) in scenario.start.agents.iter().zip(tracks(scenario, &everything_parked)).skip(1) {
             if agent.kind == AgentKind::Vehicle {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use burn::module::Module;
 use burn::tensor::Device;
+use rand_chacha::rand_core::SeedableRng;
 use reactsim::geometry::{Vec2, direction};
 use reactsim::models;
 use reactsim::models::learning::Intentions;
@@ -16,52 +17,39 @@ use reactsim::models::qp_regression::network::{Attributes, Config, Norms, suppre
 use reactsim::models::qp_regression::{
     Driving, PlanningParameters, Policy, Prediction, QpRegressionSimulator, RegressionSimulator,
 };
-use reactsim::rollout::{Controller, NOT_FINITE, Settings, roll_out};
+use reactsim::rollout::{Controller, NOT_FINITE, Settings};
 use reactsim::scene::{AgentKind, CURRENT, DT, Frame, MapParts, Scenario};
-use reactsim::training::Task;
+use reactsim::training::{Stream, Task};
 
-use crate::model_weights::{check_refusals, replaced};
-use crate::ntp_reactive::{lights, moved, scenarios, tracks};
-use crate::scenes::{agent, arc, car, coasting, join, lane, line, mini, request, scene, state, straight};
+use crate::model_weights::{check_refusals, loss, replaced};
+use crate::ntp_reactive::{lights, moved, reverse_agents, scenarios, tracks};
+use crate::program::words;
+use crate::scenes::{agent, arc, car, coasting, join, lane, line, mini, roll, scene, state, straight};
 use reactsim::models::perception::KnownMotion;
 
 /// Returns small sizes that differ wherever they can.
 fn small() -> Config {
-    Config {
-        agents: 6,
-        lines: 12,
-        width: 16,
-        agent_hidden: 8,
-        line_hidden: 8,
-        encoder_layers: 1,
-        heads: 2,
-        neighbours: 4,
-        decoder_width: 16,
-        map_width: 16,
-        decoder_layers: 2,
-        base_lines: 4,
-        way_lines: 4,
-        ..Config::default()
-    }
+    Config { agent_hidden: 8, encoder_layers: 1, decoder_width: 16, ..sized(Config::default()) }
 }
 
 /// Returns the published structure with small sizes.
 fn small_mtr() -> Config {
+    Config { agent_hidden: 16, encoder_layers: 2, decoder_width: 32, ..sized(Config::mtr()) }
+}
+
+fn sized(structure: Config) -> Config {
     Config {
         agents: 6,
         lines: 12,
         width: 16,
-        agent_hidden: 16,
         line_hidden: 8,
-        encoder_layers: 2,
         heads: 2,
         neighbours: 4,
-        decoder_width: 32,
         map_width: 16,
         decoder_layers: 2,
         base_lines: 4,
         way_lines: 4,
-        ..Config::mtr()
+        ..structure
     }
 }
 
@@ -164,21 +152,10 @@ fn published(c: &Config) -> BTreeMap<String, Vec<usize>> {
     for (kind, width) in [("obj", d), ("map", m)] {
         for i in 0..c.decoder_layers {
             let name = dec(&format!("{kind}_decoder_layers.{i}"));
-            for part in [
-                "sa_qcontent_proj",
-                "sa_qpos_proj",
-                "sa_kcontent_proj",
-                "sa_kpos_proj",
-                "sa_v_proj",
-                "self_attn.out_proj",
-                "ca_qcontent_proj",
-                "ca_qpos_proj",
-                "ca_kcontent_proj",
-                "ca_kpos_proj",
-                "ca_v_proj",
-                "ca_qpos_sine_proj",
-                "cross_attn.out_proj",
-            ] {
+            let parts = "sa_qcontent_proj sa_qpos_proj sa_kcontent_proj sa_kpos_proj sa_v_proj \
+                         self_attn.out_proj ca_qcontent_proj ca_qpos_proj ca_kcontent_proj ca_kpos_proj \
+                         ca_v_proj ca_qpos_sine_proj cross_attn.out_proj";
+            for part in words(parts) {
                 linear(&format!("{name}.{part}"), width, width, true);
             }
             linear(&format!("{name}.linear1"), width, 4 * width, true);
@@ -318,9 +295,7 @@ fn the_order_of_agents_and_their_company_do_not_matter() {
     let mut scenario = scenarios(1).remove(0);
     let before = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);
     let n = scenario.start.agents.len();
-    scenario.start.agents[1..].reverse();
-    scenario.start.history[1..].reverse();
-    scenario.log_future.tracks[1..].reverse();
+    reverse_agents(&mut scenario);
     let mut after = predictions(&policy, &scenario, &tracks(&scenario), CURRENT);
     after.iter_mut().filter(|p| p.slot > 0).for_each(|p| p.slot = n - p.slot);
     after.sort_by_key(|p| p.slot);
@@ -414,8 +389,7 @@ fn vehicles_keep_their_limits_whatever_is_predicted() {
     for keep_clear in [true, false] {
         let controller = smoothed(policy(small()), 4, keep_clear);
         for scenario in mini() {
-            let requests = vec![request(&scenario, coasting(&scenario), 0)];
-            let rollout = roll_out(requests, &controller, &Settings::default()).remove(0).unwrap();
+            let rollout = roll(&scenario, coasting(&scenario), &controller, &Settings::default());
             crate::qp::check_limits(&scenario, &rollout);
             let vehicles = scenario.start.agents[1..].iter().filter(|a| a.kind == AgentKind::Vehicle).count();
             let plans = Ending::ALL.iter().filter_map(|e| rollout.outcomes.get(e.name())).sum::<u64>();
@@ -444,8 +418,7 @@ fn predictions_that_are_no_numbers_are_counted_and_lane_following_takes_over() {
     let driving = Driving { agents: 4, sample: false };
     let plain = Controller::Fair(Box::new(RegressionSimulator::new(large(), driving, device())));
     for controller in [plain, smoothed(large(), 4, true)] {
-        let requests = vec![request(&scenario, coasting(&scenario), 0)];
-        let rollout = roll_out(requests, &controller, &Settings::default()).remove(0).unwrap();
+        let rollout = roll(&scenario, coasting(&scenario), &controller, &Settings::default());
         let counted = rollout.outcomes.get(NOT_FINITE);
         assert_eq!(counted, Some(&(4 * 16)), "{:?}", rollout.outcomes);
         let states = rollout.tracks.iter().flatten().flatten();
@@ -509,10 +482,9 @@ fn check_learning(config: Config) {
     let model = task.init(3);
     let scenarios = scenarios(2);
     let samples: Vec<_> = scenarios.iter().filter_map(|s| task.prepare(s, None)).collect();
-    let mut stream = <reactsim::training::Stream as rand_chacha::rand_core::SeedableRng>::seed_from_u64(1);
-    let output = task.loss(&model, &samples, Some(&mut stream));
-    let loss = f64::from(output.loss.clone().into_scalar::<f32>()) / output.items;
-    assert!(loss.is_finite() && output.items >= 2.0, "{loss}");
+    let output = task.loss(&model, &samples, Some(&mut Stream::seed_from_u64(1)));
+    let learning = loss(&output);
+    assert!(learning.is_finite() && output.items >= 2.0, "{learning}");
     let mut still = without_gradient(&model, output.loss);
     // Averages follow what passes observe, not gradients.
     still.retain(|name| !name.contains(".running_"));
@@ -525,8 +497,8 @@ fn check_learning(config: Config) {
     still.retain(|name| !(name.contains("motion_cls_heads") && name.ends_with("third.bias")));
     assert!(still.is_empty(), "{still:?}");
     // Validation without autodiff gives the same loss as with it.
-    let (with, without) = (task.loss(&model, &samples, None), task.validate(&model.valid(), &samples));
-    let [with, without] = [with, without].map(|o| f64::from(o.loss.into_scalar::<f32>()) / o.items);
+    let with = loss(&task.loss(&model, &samples, None));
+    let without = loss(&task.validate(&model.valid(), &samples));
     assert!((without - with).abs() < 1e-3 * with.abs(), "{without} {with}");
 }
 
@@ -538,11 +510,8 @@ fn only_predictions_that_are_executed_decide_which_network_is_the_best() {
     let model = task.init(3);
     let losses = |scenario: &Scenario| {
         let samples = [task.prepare(scenario, None).unwrap()];
-        let mut stream =
-            <reactsim::training::Stream as rand_chacha::rand_core::SeedableRng>::seed_from_u64(1);
-        let (trained, judged) =
-            (task.loss(&model, &samples, Some(&mut stream)), task.validate(&model.valid(), &samples));
-        [trained, judged].map(|output| output.loss.into_scalar::<f32>())
+        let trained = task.loss(&model, &samples, Some(&mut Stream::seed_from_u64(1)));
+        [trained, task.validate(&model.valid(), &samples)].map(|output| output.loss.into_scalar::<f32>())
     };
     let scenario = scenarios(1).remove(0);
     let mut elsewhere = scenario.clone();

@@ -15,14 +15,13 @@ use reactsim::formats;
 use reactsim::metrics::Score;
 use serde_json::json;
 
-use crate::program::MINI;
-pub(crate) use crate::program::{copy, said, text};
+use crate::program::{MINI, copy, said, text};
 use crate::small_scenarios;
 
 const CLEAN: &str = "0123456789abcdef0123456789abcdef01234567";
 
 /// Marks the program of a run as built from a commit: tests run in trees with changes.
-fn as_if_committed(run: &Path) {
+pub(crate) fn as_if_committed(run: &Path) {
     edit_both(run, |provenance| provenance["commit"] = CLEAN.into());
 }
 
@@ -78,7 +77,7 @@ pub(crate) fn edit_rows(run: &Path, edit: impl Fn(&mut Vec<Row>)) {
 }
 
 /// Changes a file of a reference and its digest.
-fn edit_file(reference: &Path, name: &str, edit: impl Fn(&mut serde_json::Value)) {
+pub(crate) fn edit_file(reference: &Path, name: &str, edit: impl Fn(&mut serde_json::Value)) {
     let path = reference.join(name);
     let digest = |path: &Path| blake3::hash(&fs::read(path).unwrap()).to_hex().to_string();
     let old = digest(&path);

@@ -6,7 +6,7 @@ use reactsim::formats;
 use reactsim::geometry::{Vec2, direction, rounded_distance};
 use reactsim::metrics::{self, Case, Options, Scores};
 use reactsim::models;
-use reactsim::rollout::{DeviatedAv, Request, Rollout, Settings, roll_out};
+use reactsim::rollout::{Controller, DeviatedAv, Request, Rollout, Settings, roll_out};
 use reactsim::scene::{
     Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, FUTURE, Frame, LaneKind, LaneParts, LightParts,
     LightState, LoggedAgent, MapParts, Scenario, ScenarioParts,
@@ -147,6 +147,16 @@ pub(crate) fn request(scenario: &Scenario, av: Vec<AgentState>, rollout: u32) ->
     Request { scenario, av: Some(Arc::new(av)), rollout }
 }
 
+/// Returns a rollout with a given AV.
+pub(crate) fn roll(
+    scenario: &Scenario,
+    av: Vec<AgentState>,
+    controller: &Controller,
+    settings: &Settings,
+) -> Rollout {
+    roll_out(vec![request(scenario, av, 0)], controller, settings).remove(0).unwrap()
+}
+
 /// Returns a rollout of a baseline with a given AV.
 pub(crate) fn roll_with(
     model: &str,
@@ -156,8 +166,7 @@ pub(crate) fn roll_with(
     rollout: u32,
 ) -> Rollout {
     let controller = models::find(model).unwrap().simulator().unwrap();
-    let mut done = roll_out(vec![request(scenario, av, rollout)], &controller, settings);
-    done.remove(0).unwrap()
+    roll_out(vec![request(scenario, av, rollout)], &controller, settings).remove(0).unwrap()
 }
 
 /// Returns a rollout of IDM; the AV keeps its velocity.

@@ -5,6 +5,8 @@ use reactsim::geometry::{Polyline, Vec2, wrap};
 use reactsim::rollout::{Script, ScriptedAv};
 use reactsim::scene::{AgentState, CURRENT, DT, Scenario};
 
+use crate::program::words;
+
 fn plan(scenario: &Scenario, script: &str) -> Vec<AgentState> {
     let script: Script = script.parse().unwrap();
     ScriptedAv::new(scenario, script).unwrap_or_else(|e| panic!("{}: {e}", scenario.id)).track().to_vec()
@@ -34,20 +36,9 @@ fn check(scenario: &Scenario) -> Vec<String> {
     let mut found = Vec::new();
     let now = scenario.start.now(0);
     let logged: Vec<AgentState> = scenario.logged(0)[CURRENT..].iter().copied().flatten().collect();
-    let scripts = [
-        "constant-velocity",
-        "brake:1",
-        "brake:4",
-        "brake:6",
-        "retime:0.5",
-        "retime:1",
-        "retime:1.6",
-        "retime:3",
-        "shift:2",
-        "shift:-2",
-        "shift:5",
-    ];
-    for script in scripts {
+    let scripts = "constant-velocity brake:1 brake:4 brake:6 retime:0.5 retime:1 retime:1.6 retime:3 shift:2 \
+                   shift:-2 shift:5";
+    for script in words(scripts) {
         let track = plan(scenario, script);
         found.extend(beyond_limits(&now, &track).into_iter().map(|what| format!("{script}: {what}")));
     }

@@ -12,6 +12,8 @@ use reactsim::generation::maps::MAP_TYPES;
 use reactsim::scene::Scenario;
 use toml::{Table, Value};
 
+use crate::program::{program, words};
+
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios")
 }
@@ -122,12 +124,8 @@ fn what_was_generated_can_be_generated_again() {
     for made in shipped(&manifest()) {
         let home = tempfile::tempdir().unwrap();
         let command = made["command"].as_str().unwrap().strip_prefix("reactsim ").unwrap();
-        let output = assert_cmd::Command::cargo_bin("reactsim")
-            .unwrap()
-            .args(command.split(' '))
-            .current_dir(&home)
-            .output();
-        assert!(output.unwrap().status.success(), "{command}");
+        let output = program().args(words(command)).current_dir(&home).output().unwrap();
+        assert!(output.status.success(), "{command}");
         for file in list(made, "files") {
             let name = file["name"].as_str().unwrap();
             let (again, ships) =

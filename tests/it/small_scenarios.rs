@@ -1,5 +1,8 @@
 //! Small synthetic scenarios, for tests that need many of them fast.
 
+use std::borrow::Borrow;
+use std::path::Path;
+
 use reactsim::evaluation::{AvChoice, FileRecord, Plan, PlannedSimulator, RunParts, RunSpec, Source};
 use reactsim::formats::{decoded, native::Writer};
 use reactsim::geometry::Vec2;
@@ -29,11 +32,11 @@ pub(crate) fn scenario(i: usize) -> Scenario {
 /// Returns a file of deviations with the deviated AVs of these scenarios.
 pub(crate) fn deviations(scenarios: &[usize]) -> serde_json::Value {
     let record = |i: &usize| {
-        let track = scenario(*i).deviation.unwrap().track;
-        let each = |of: fn(&AgentState) -> f64| track.iter().map(of).collect::<Vec<_>>();
-        let id = format!("road-{i:03}");
+        let deviation = scenario(*i).deviation.unwrap();
+        let each = |of: fn(&AgentState) -> f64| deviation.track.iter().map(of).collect::<Vec<_>>();
         serde_json::json!({
-            "scenario_id": id, "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
+            "scenario_id": format!("road-{i:03}"), "category": deviation.category.map(Deviation::name),
+            "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
         })
     };
     let records: Vec<_> = scenarios.iter().map(record).collect();
@@ -147,10 +150,10 @@ pub(crate) fn plan(sources: Vec<Source>, simulators: Vec<PlannedSimulator>) -> P
     spec.plan(RunParts { sources, simulators, ..RunParts::default() }).unwrap()
 }
 
-pub(crate) fn write(path: &std::path::Path, scenarios: impl IntoIterator<Item = Scenario>) {
+pub(crate) fn write<S: Borrow<Scenario>>(path: &Path, scenarios: impl IntoIterator<Item = S>) {
     let mut writer = Writer::create(path).unwrap();
     for scenario in scenarios {
-        writer.write(&scenario).unwrap();
+        writer.write(scenario.borrow()).unwrap();
     }
     writer.finish().unwrap();
 }

@@ -197,12 +197,9 @@ fn a_motion_predictor_is_trained_and_drives() {
 fn what_can_not_be_learnt_from_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let empty = folder.path().join("empty");
-    fs::create_dir(&empty).unwrap();
     let refused = |arguments: &[&str]| {
         said(&[&["train", "ntp-reactive"], arguments, &["--out", text(&out)]].concat(), 2).1
     };
-    assert!(refused(&[text(&empty)]).contains("empty"));
     let recipe = folder.path().join("recipe.toml");
     let (few, driven) = few(folder.path());
     let few = text(&few);
@@ -215,7 +212,6 @@ fn what_can_not_be_learnt_from_is_refused() {
         ("[nonsense]\nluck = 2", "`ntp-reactive` has no parameter `nonsense.luck`; it has: agents, "),
         ("[learning]\nepochs = \"many\"", "not a valid `learning.epochs`"),
         ("[learning]\nbest_by = \"luck\"", "`learning.best_by` is \"luck\", expected loss or"),
-        ("agents = [3]", "`[3]` is not a valid `agents`"),
         ("agents", "is not a recipe"),
     ] {
         fs::write(&recipe, text).unwrap();

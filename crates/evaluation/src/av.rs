@@ -268,6 +268,7 @@ mod tests {
         assert!(text("planner:idm,every=1,every=5").contains("`every=5` is a setting that is given twice"));
         assert!(text("planner:idm,tracker=lqr,tracker=lqr").contains("given twice"));
         assert!(text("planner:idm,every=0").contains("1 to 80 steps"));
+        assert!(text("planner:idm,every=81").contains("1 to 80 steps"));
         assert!(text("planner:pdm-closed,tracker=perfect").contains("use tracker=lqr"));
         assert!(text("planner:log,every=5").contains("leave it out"));
     }

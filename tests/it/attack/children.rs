@@ -33,15 +33,6 @@ fn wait_until(what: &str, limit: Duration, is_so: impl Fn() -> bool) {
     }
 }
 
-/// Returns whether a process with this text in its command line runs.
-fn runs(mark: &str) -> bool {
-    let has_mark = |entry: fs::DirEntry| {
-        let line = fs::read(entry.path().join("cmdline")).unwrap_or_default();
-        String::from_utf8_lossy(&line).contains(mark)
-    };
-    fs::read_dir("/proc").unwrap().flatten().any(has_mark)
-}
-
 #[test]
 #[cfg_attr(not(target_os = "linux"), ignore = "looks for processes in /proc")]
 fn one_interrupt_ends_a_run_with_a_silent_child() {
@@ -81,8 +72,9 @@ fn children_and_grandchildren_end_when_the_program_is_killed() {
     // Neither reads its input, whose end would tell of the kill.
     let line = format!("sleep {mark} & sleep {mark}");
     let mut running = run(&line, &home.path().join("run"));
-    wait_until("no child was started", Duration::from_secs(60), || runs(&format!("sleep\0{mark}")));
+    let left = || external::processes(&format!("sleep\0{mark}"));
+    wait_until("no child was started", Duration::from_secs(60), || left() > 0);
     running.kill().unwrap();
     running.wait().unwrap();
-    wait_until("children are left", SOON, || !runs(&format!("sleep\0{mark}")));
+    wait_until("children are left", SOON, || left() == 0);
 }

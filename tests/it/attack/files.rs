@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::call::call;
 use super::changes::changed;
-use crate::program::said;
+use crate::program::{copy, said, words};
 
 /// A file and the call that reads it. `{}` in the arguments is replaced by the path of the changed file.
 struct Kind {
@@ -64,16 +64,10 @@ fn kinds(home: &Path) -> Vec<Kind> {
         file(
             "futures",
             &rollouts,
-            &[
-                "convert",
-                &native,
-                "--futures",
-                "{}",
-                "--model",
-                "idm",
-                "--out",
-                &text(&at("futures.parquet")),
-            ],
+            &words(&format!(
+                "convert {native} --futures {{}} --model idm --out {}",
+                text(&at("futures.parquet"))
+            )),
         ),
         file(
             "weights",
@@ -102,10 +96,7 @@ fn attack(changes: u64) {
             let mut rng = ChaCha8Rng::seed_from_u64(1000 * k as u64 + seed);
             fs::create_dir_all(&place).unwrap();
             if kind.in_folder {
-                for entry in fs::read_dir(kind.file.parent().unwrap()).unwrap() {
-                    let entry = entry.unwrap();
-                    fs::copy(entry.path(), place.join(entry.file_name())).unwrap();
-                }
+                copy(kind.file.parent().unwrap(), &place);
             }
             fs::write(place.join(file_name), changed(&content, &mut rng)).unwrap();
             let target = if kind.in_folder { place.clone() } else { place.join(file_name) };

@@ -31,6 +31,11 @@ fn files_that_become_too_large_are_an_error_and_leave_nothing() {
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(out) && said.contains("too large"), "{said}");
     }
+    let vocabulary = ["train", "vocabulary", "--method", "kinematic", "--out", "v.safetensors"];
+    let output = after("ulimit -f 4", &vocabulary, home.path());
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.starts_with("error: could not write"), "{said}");
     let left: Vec<_> = fs::read_dir(home.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert_eq!(left, ["old.parquet"]);
     assert_eq!(fs::read(home.path().join("old.parquet")).unwrap(), b"");

@@ -14,23 +14,10 @@ fn deviations_from_a_file_are_those_that_scenarios_carry() {
     let (carried, plain) = (home.path().join("carried.parquet"), home.path().join("plain.parquet"));
     write(&carried, (0..3).map(scenario));
     write(&plain, (0..3).map(|i| deviating(i, false)));
-    let record = |i: usize| {
-        let deviation = scenario(i).deviation.unwrap();
-        let each = |of: fn(&reactsim::scene::AgentState) -> f64| -> Vec<f64> {
-            deviation.track.iter().map(of).collect()
-        };
-        serde_json::json!({
-            "scenario_id": format!("road-{i:03}"), "category": deviation.category.map(|c| c.name()),
-            "x": each(|s| s.x), "y": each(|s| s.y), "heading": each(|s| s.heading)
-        })
-    };
     let file = home.path().join("deviations.json");
-    let put = |records: Vec<serde_json::Value>| {
-        let all = serde_json::json!({
-            "format": "reactsim-deviations-v1", "frame": "world", "deviations": records
-        });
-        fs::write(&file, all.to_string()).unwrap();
-    };
+    let mut document = deviations(&[0, 1, 2]);
+    document["frame"] = "world".into();
+    fs::write(&file, document.to_string()).unwrap();
     let run = |input: &Path, more: &[&str], code| {
         let common = ["--models", "log-replay,stop", "--format", "json"];
         let (summary, warnings) = said(&[&["run", text(input)], &common[..], more].concat(), code);
@@ -38,15 +25,14 @@ fn deviations_from_a_file_are_those_that_scenarios_carry() {
         (summary["simulators"].clone(), warnings)
     };
     let (wanted, _) = run(&carried, &[], 0);
-    put((0..3).map(record).collect());
     let named = format!("file:{}", text(&file));
     for choice in [["--deviations", text(&file)], ["--av", &named]] {
         assert_eq!(run(&plain, &choice, 0).0, wanted);
     }
     // One scenario without a trajectory, one with a trajectory that was made for another version of it.
-    let mut foreign = record(1);
-    foreign["scenario_digest"] = "0".repeat(64).into();
-    put(vec![record(0), foreign]);
+    document["deviations"].as_array_mut().unwrap().pop();
+    document["deviations"][1]["scenario_digest"] = "0".repeat(64).into();
+    fs::write(&file, document.to_string()).unwrap();
     let (simulators, warnings) = run(&plain, &["--deviations", text(&file)], 1);
     let made_for = "`road-001`: the deviated AV was made for a scenario with the digest 000";
     for part in [made_for, "1 scenario passed over: no deviated AV in the file of deviations"] {

@@ -17,7 +17,6 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     assert!(unknown.starts_with("error: there is no simulator `idmm`; there are: log-replay, "), "{unknown}");
     assert!(unknown.contains("\nhint: did you mean `idm`? `reactsim list models`"), "{unknown}");
     insta::assert_snapshot!(error(&["run", text(&plain)]), @r"error: the scenarios have no deviated AV: give `deviations`, or choose a driver with `av`: deviated, log, deviated-or-log, constant-velocity, brake:<m/s²>, retime:<factor>, shift:<m>, file:<path> or planner:<id>");
-    insta::assert_snapshot!(error(&["run", "--metric-option", "fault_order=mine"]), @r"error: metric option `fault_order` is `mine`, expected `paper` or `nuplan`");
     insta::assert_snapshot!(error(&["run", "--protocol", "realism", "--av", "log"]), @r"error: the simulator moves the AV in the realism protocol: leave `av` out");
     insta::assert_snapshot!(error(&["run", "--av", "log", "--deviations", "x.json"]), @r"error: `deviations` goes with `av` deviated or deviated-or-log only");
     insta::assert_snapshot!(error(&["run", "--models", "stop,stop"]), @r"error: the simulator `stop` is named twice");

@@ -88,7 +88,7 @@ fn what_can_not_be_meant_is_refused_and_named() {
     let home = tempfile::tempdir().unwrap();
     let path = |name: &str| home.path().join(name);
     let all: Vec<Scenario> = (0..3).map(closing).collect();
-    write_scenarios(&path("s.parquet"), all.iter().cloned());
+    write_scenarios(&path("s.parquet"), &all);
     let (scenarios, planned, out) = (path("s.parquet"), path("planned.json"), path("out.parquet"));
     let run = |deviations: Value, more: &[&str], code| {
         drop(fs::remove_file(&out));
@@ -126,9 +126,6 @@ fn what_can_not_be_meant_is_refused_and_named() {
     };
     for (deviations, expected) in [
         (json!([]), "the file is empty, expected at least one trajectory"),
-        (with(&|d| d["x"][4] = Value::Null), "x, y, heading at step 5 is partly missing"),
-        (with(&|d| d["x"] = json!(vec![0.0; 79])), "y is 80 steps, expected 79 steps"),
-        (with(&|d| d["category"] = json!("up")), "category is `up`"),
         (with(&|d| d["speed"] = json!(1)), "unknown field `speed`"),
     ] {
         let said = run(deviations, &[], 2);

@@ -46,7 +46,6 @@ fn wrong_input_names_the_mend_and_exits_with_2() {
     insta::assert_snapshot!(error(&["absent", "--out", text(&out)]), @"error: absent: could not read: No such file or directory (os error 2)");
     insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(home.path())]), @"error: HOME: could not create: is a directory");
     insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(&home.path().join("no/c.parquet"))]), @"error: HOME/no/c.parquet: could not create: No such file or directory (os error 2)");
-    insta::assert_snapshot!(error(&[text(&scenarios), "--out", text(&scenarios)]), @"error: HOME/s.parquet is both input and output; choose another --out");
     assert!(!out.exists());
     for verb in ["stats", "review", "apply"] {
         let more: &[&str] = if verb == "apply" { &["d.jsonl", "--out", "HOME/x"] } else { &[] };
@@ -280,12 +279,8 @@ fn truncated_and_foreign_files_are_refused_everywhere() {
     write(&sound, &["a", "b", "c"].map(|id| scenario(id, 4)));
     let bytes = fs::read(&sound).unwrap();
     fs::write(path("half.parquet"), &bytes[..bytes.len() / 2]).unwrap();
-    fs::write(path("short.parquet"), &bytes[..bytes.len() - 1]).unwrap();
-    fs::write(path("empty.parquet"), "").unwrap();
-    fs::write(path("text.parquet"), "a,b\n1,2\n").unwrap();
     let foreign = "is `reactsim-scenarios`, expected `reactsim-deviations`";
-    let files = [("half", ""), ("short", ""), ("empty", ""), ("text", ""), ("s", foreign)];
-    for (name, expected) in files {
+    for (name, expected) in [("half", ""), ("s", foreign)] {
         let file = path(&format!("{name}.parquet"));
         for verb in [
             &["curate", "stats", text(&file)][..],

@@ -9,6 +9,7 @@ use reactsim::web::sketch;
 use serde_json::{Value, json};
 
 use super::hand;
+use crate::page::data_of;
 use crate::small_scenarios;
 
 /// Returns scenarios that can be drawn, with hand-made candidates.
@@ -37,8 +38,7 @@ fn the_page_has_the_scenarios_that_are_asked_for() {
     };
     let (total, text) = page(2, 3).unwrap();
     assert_eq!((total, page(2, 3).unwrap().1 == text), (5, true), "the same file gives the same bytes");
-    let data = text.split_once("id=\"data\">").unwrap().1.split_once("</script>").unwrap().0;
-    let data: Value = serde_json::from_str(data).unwrap();
+    let data = data_of(&text);
     assert_eq!((&data["file"], &data["from"], &data["total"]), (&json!("set.parquet"), &json!(2), &json!(5)));
     let all = records(5);
     let ids: Vec<&str> =

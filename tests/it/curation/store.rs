@@ -146,7 +146,7 @@ fn damage_is_found() {
         fs::write(&path, &bad).unwrap();
         check(&format!("byte {at} flipped"));
     }
-    for length in (0..data.len()).step_by(311) {
+    for length in (0..data.len()).step_by(311).chain([data.len() - 1]) {
         fs::write(&path, &data[..length]).unwrap();
         assert!(all(&path).is_err(), "cut to {length}");
     }

@@ -1,63 +1,31 @@
 //! Scripted faults: every one at every message. No run hangs, and every scenario has its right row or a
 //! failure.
 
-use std::sync::atomic::AtomicBool;
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use reactsim::evaluation::{self, Execution};
 use reactsim::external::ExternalSettings;
 use reactsim::rollout::Protocol;
+use serde_json::Value;
 
-use super::{Child, baseline, plan_of, run, start};
+use super::{Child, baseline, execute, plan_of, run, start};
+use crate::program::words;
 
 /// Faults that end or break the connection at once.
-const ABRUPT: &[&str] = &[
-    "exit0",
-    "exit1",
-    "kill",
-    "raise",
-    "close-both",
-    "garbage",
-    "zeros",
-    "cut3",
-    "cut50",
-    "cut99",
-    "huge",
-    "large",
-    "empty",
-    "no-metadata",
-    "version",
-    "type",
-    "sequence",
-    "no-sequence",
-    "header",
-    "not-json",
-    "print",
-    "grandchild",
-    "stderr-and-exit",
-];
+const ABRUPT: &str = "exit0 exit1 kill raise close-both garbage zeros cut3 cut50 cut99 huge large empty \
+                      no-metadata version type sequence no-sequence header not-json print grandchild \
+                      stderr-and-exit";
 
 /// Faults that the simulator reports, or that leave the connection in order.
-const REPORTED: &[&str] = &["failed", "failed-silently", "stderr", "slow"];
+const REPORTED: &str = "failed failed-silently stderr slow";
 
 /// Faults in the content of a plan.
-const CONTENT: &[&str] = &[
-    "missing",
-    "shape",
-    "short",
-    "dtype",
-    "nan",
-    "inf",
-    "-inf",
-    "1e9",
-    "errors",
-    "errors-wrong",
-    "errors-far",
-];
+const CONTENT: &str = "missing shape short dtype nan inf -inf 1e9 errors errors-wrong errors-far";
 
 /// Faults that only a time limit ends.
-const HANGING: &[&str] = &["hang", "stop", "ignore-signals", "close-stdin", "cut-and-hang"];
+const HANGING: &str = "hang stop ignore-signals close-stdin cut-and-hang";
 
 /// Runs a simulator with a fault. With `once`, only the first process has the fault.
 fn check(child: &Child, fault: &str, limit: Duration, once: bool, number: usize) {
@@ -77,14 +45,13 @@ fn check_with(child: &Child, fault: &str, limit: Duration, once: bool, number: u
     assert_eq!(rows.len() + failures.len(), wanted.len(), "{fault}: {failures:?}");
     rows.iter().for_each(|(scenario, row)| assert_eq!(row, &wanted[scenario], "{fault}"));
     failures.values().for_each(|text| assert!(text.len() > 20, "{fault}: {text}"));
-    if once && !CONTENT.iter().any(|content| fault.starts_with(content)) {
+    if once && !words(CONTENT).iter().any(|content| fault.starts_with(content)) {
         assert_eq!(failures.len(), 0, "{fault}: {failures:?}");
     }
 }
 
-fn baseline_once() -> &'static std::collections::BTreeMap<String, serde_json::Value> {
-    static ROWS: std::sync::OnceLock<std::collections::BTreeMap<String, serde_json::Value>> =
-        std::sync::OnceLock::new();
+fn baseline_once() -> &'static BTreeMap<String, Value> {
+    static ROWS: OnceLock<BTreeMap<String, Value>> = OnceLock::new();
     ROWS.get_or_init(|| baseline(Protocol::Reactive))
 }
 
@@ -101,7 +68,7 @@ fn a_fault_in_one_process_costs_nothing() {
     let Some(child) = Child::new() else { return };
     let mut number = 0;
     for message in ["begin 0", "plan 3", "end 0"] {
-        for fault in [ABRUPT, REPORTED].concat() {
+        for fault in words(ABRUPT).into_iter().chain(words(REPORTED)) {
             number += 1;
             check(&child, &format!("{fault} {message}"), Duration::from_secs(60), true, number);
         }
@@ -116,7 +83,7 @@ fn a_fault_in_one_process_costs_nothing() {
 #[test]
 fn a_fault_in_every_process_fails_scenarios_and_nothing_else() {
     let Some(child) = Child::new() else { return };
-    for (number, fault) in CONTENT.iter().enumerate() {
+    for (number, fault) in words(CONTENT).iter().enumerate() {
         check(&child, &format!("{fault} plan 4"), Duration::from_secs(60), false, number);
     }
     assert_none_left(&child);
@@ -125,11 +92,10 @@ fn a_fault_in_every_process_fails_scenarios_and_nothing_else() {
 #[test]
 fn a_fault_that_ends_every_process_ends_the_run() {
     let Some(child) = Child::new() else { return };
-    for fault in &ABRUPT[..6] {
+    for fault in &words(ABRUPT)[..6] {
         let simulator = start(child.settings(&format!("{fault} plan 4"), Duration::from_secs(60))).unwrap();
         let plan = plan_of(vec![simulator], Protocol::Reactive);
-        let (execution, stop) = (Execution { jobs: 2, batch: 3 }, AtomicBool::new(false));
-        let error = evaluation::run(&plan, execution, None, plan.tally(), &(), &stop).unwrap_err();
+        let error = execute(&plan, 2, 3, None).0.unwrap_err();
         assert!(error.to_string().contains("3 episodes in a row ended its process"), "{fault}: {error}");
     }
     assert_none_left(&child);
@@ -138,7 +104,7 @@ fn a_fault_that_ends_every_process_ends_the_run() {
 #[test]
 fn a_hanging_process_is_ended_in_time() {
     let Some(child) = Child::new() else { return };
-    for (number, fault) in HANGING.iter().enumerate() {
+    for (number, fault) in words(HANGING).iter().enumerate() {
         for message in ["begin 0", "plan 6"] {
             let number = 100 * number + message.len();
             check(&child, &format!("{fault} {message}"), Duration::from_secs(3), true, number);
@@ -151,21 +117,21 @@ fn a_hanging_process_is_ended_in_time() {
 #[ignore = "takes ten minutes: every fault at many messages, in one process or in all"]
 fn a_thousand_faults() {
     let Some(child) = Child::new() else { return };
-    let all = [ABRUPT, REPORTED, HANGING, &["twice", "flood"]].concat();
+    let all: Vec<&str> = [ABRUPT, REPORTED, HANGING, "twice flood"].into_iter().flat_map(words).collect();
     let mut number = 0;
     for message in ["begin 0", "begin 1", "plan 0", "plan 1", "plan 7", "plan 15", "end 0", "end 1"] {
         let mut faults = all.clone();
         if message.starts_with("plan") {
-            faults.extend_from_slice(CONTENT);
+            faults.extend(words(CONTENT));
         }
         for fault in faults {
             for (once, workers) in [(true, 1), (true, 3), (false, 1), (false, 2)] {
                 // Several episodes in a row that end their process end the run.
-                if !once && !CONTENT.contains(&fault) && !REPORTED.contains(&fault) {
+                if !once && !words(CONTENT).contains(&fault) && !words(REPORTED).contains(&fault) {
                     continue;
                 }
                 number += 1;
-                let is_hanging = HANGING.contains(&fault);
+                let is_hanging = words(HANGING).contains(&fault);
                 let limit = Duration::from_secs(if is_hanging { 2 } else { 60 });
                 check_with(&child, &format!("{fault} {message}"), limit, once, number, workers);
             }

@@ -2,11 +2,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use reactsim::evaluation::{self, EvaluationError, Execution, Outcome, RolloutCheck, RunFolder};
+use reactsim::evaluation::{self, EvaluationError, Execution, Failure, Outcome, RolloutCheck, RunFolder};
 use reactsim::external::ExternalSettings;
 use reactsim::rollout::Protocol;
 
-use super::{Child, Collector, LONG, baseline, plan_of, start};
+use super::{Child, LONG, baseline, execute, plan_of, start};
 
 /// Runs a simulator with a mistake in every plan, in batches of one, with these checks allowed.
 fn run_with(
@@ -14,16 +14,14 @@ fn run_with(
     mistake: &str,
     allowed: &[RolloutCheck],
     folder: Option<&str>,
-) -> (Result<Outcome, EvaluationError>, Collector) {
+) -> (Result<Outcome, EvaluationError>, Vec<Failure>) {
     let settings = child.settings(&format!("{mistake} plan any"), LONG);
     let simulator = start(ExternalSettings { batch: Some(1), ..settings }).unwrap();
     let mut plan = plan_of(vec![simulator], Protocol::Reactive);
     plan.spec.subject.motion.allow = allowed.to_vec();
     let folder = folder.map(|name| RunFolder::create(&child.path(name), &plan.provenance()).unwrap());
-    let (collector, stop) = (Collector::default(), AtomicBool::new(false));
-    let execution = Execution { jobs: 1, batch: 1 };
-    let outcome = evaluation::run(&plan, execution, folder.as_ref(), plan.tally(), &collector, &stop);
-    (outcome, collector)
+    let (outcome, _, failures) = execute(&plan, 1, 1, folder.as_ref());
+    (outcome, failures)
 }
 
 #[test]
@@ -58,9 +56,9 @@ fn every_mistake_stops_the_run_with_its_name() {
 #[test]
 fn an_allowed_mistake_is_marked() {
     let Some(child) = Child::new() else { return };
-    let (outcome, collector) = run_with(&child, "mistake-degrees", &[RolloutCheck::Headings], Some("run"));
+    let (outcome, failures) = run_with(&child, "mistake-degrees", &[RolloutCheck::Headings], Some("run"));
     let Ok(Outcome::Finished(summary)) = outcome else { panic!("{outcome:?}") };
-    assert_eq!(collector.failures.into_inner().unwrap(), []);
+    assert_eq!(failures, []);
     let marked = summary.provenance.allowed["headings"];
     assert!(marked > 0 && marked <= summary.provenance.scenarios, "{marked}");
     let table = reactsim::report::exporter("markdown").unwrap();
@@ -84,19 +82,17 @@ fn a_simulator_that_hangs_stops_the_run_and_keeps_what_is_finished() {
         // The first batch of four has no fault.
         let settings = child.settings(&format!("{fault} plan any after:4"), limit);
         let plan = plan_of(vec![start(settings).unwrap()], Protocol::Reactive);
-        let (collector, stop) = (Collector::default(), AtomicBool::new(false));
         let path = child.path(fault);
         let folder = RunFolder::create(&path, &plan.provenance()).unwrap();
-        let execution = Execution { jobs: 1, batch: 1 };
         let began = std::time::Instant::now();
-        let outcome = evaluation::run(&plan, execution, Some(&folder), plan.tally(), &collector, &stop);
+        let (outcome, rows, failures) = execute(&plan, 1, 1, Some(&folder));
         let Err(error @ EvaluationError::Resumable(_)) = outcome else { panic!("{fault}: {outcome:?}") };
         let text = error.to_string();
         assert!(text.contains("3 episodes in a row") && text.contains(part), "{fault}: {text}");
         assert!(began.elapsed() < std::time::Duration::from_secs(60), "{fault}");
         drop((folder, plan));
-        assert_eq!(collector.rows.into_inner().unwrap().len(), 2 * 4, "{fault}");
-        assert_eq!(collector.failures.into_inner().unwrap(), [], "{fault}");
+        assert_eq!(rows.len(), 2 * 4, "{fault}");
+        assert_eq!(failures, [], "{fault}");
 
         // The same run goes on with a simulator that is mended.
         let settings = child.settings(&format!("{fault} plan any after:4"), LONG);
@@ -104,6 +100,7 @@ fn a_simulator_that_hangs_stops_the_run_and_keeps_what_is_finished() {
         let plan = plan_of(vec![start(settings).unwrap()], Protocol::Reactive);
         let mut tally = plan.tally();
         let folder = RunFolder::resume(&path, &plan.provenance(), &mut tally).unwrap();
+        let (execution, stop) = (Execution { jobs: 1, batch: 1 }, AtomicBool::new(false));
         let outcome = evaluation::run(&plan, execution, Some(&folder), tally, &(), &stop);
         let Ok(Outcome::Finished(summary)) = outcome else { panic!("{fault}: {outcome:?}") };
         assert_eq!(summary.provenance.scenarios, wanted.len(), "{fault}");
@@ -125,10 +122,8 @@ fn a_fault_that_a_repetition_hides_is_counted_and_logged() {
     simulator.processes().set_stderr(reactsim::external::StderrTarget::File(log.clone())).unwrap();
     let external = evaluation::PlannedSimulator::external(simulator.clone(), None).unwrap();
     let plan = plan_of(vec![external], Protocol::Reactive);
-    let (collector, stop) = (Collector::default(), AtomicBool::new(false));
-    let execution = Execution { jobs: 1, batch: 1 };
-    let outcome = evaluation::run(&plan, execution, None, plan.tally(), &collector, &stop).unwrap();
-    let Outcome::Finished(summary) = outcome else { panic!("interrupted") };
+    let (outcome, ..) = execute(&plan, 1, 1, None);
+    let Ok(Outcome::Finished(summary)) = outcome else { panic!("{outcome:?}") };
     assert_eq!(summary.simulators["mine"].outcomes, [("planned-again".to_owned(), 4)].into());
     assert_eq!(simulator.processes().faults().map(|(n, _)| n), Some(1));
     let log = std::fs::read_to_string(log).unwrap();

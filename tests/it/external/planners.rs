@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use reactsim::evaluation::{AvChoice, Driver, Plan, PlannedAv, PlannedSimulator};
+use reactsim::evaluation::Driver;
 use reactsim::external::{ExternalError, ExternalPlanner, ExternalSettings};
 use reactsim::planning::planner::{Planner, PlannerInput};
 use reactsim::planning::tracking::Controller;
 use reactsim::planning::{PlanningError, Trajectory};
-use reactsim::rollout::{Protocol, Purpose, Replan, stream};
+use reactsim::rollout::{Protocol, Purpose, stream};
 
-use super::{Child, LONG, Results, outline, plan_of, run, start};
+use super::{Child, LONG, Results, driven, outline, run, start};
 
 /// Constant velocity over two seconds, with the operations of the child.
 struct Straight;
@@ -31,20 +31,12 @@ fn driver(settings: ExternalSettings) -> Result<Driver, ExternalError> {
     Ok(Driver::external(ExternalPlanner::start(settings, outline(Protocol::Reactive))?))
 }
 
-/// Plans runs of `constant-velocity` in which this driver moves the AV.
-fn plan_with(driver: Driver, controller: Controller, every: usize) -> Plan {
-    let simulators = PlannedSimulator::by_ids(&["constant-velocity".to_owned()]).unwrap();
-    let every = Replan::every(every).unwrap();
-    let mut plan = plan_of(simulators, Protocol::Reactive);
-    plan.spec.subject.av =
-        Some(AvChoice::Planned(PlannedAv { driver: driver.driver().clone(), controller, every }));
-    plan.drivers.push(driver);
-    plan
-}
-
 /// Returns the results with a planner of this program.
 fn own(controller: Controller, every: usize) -> Results {
-    let results = run(&plan_with(Driver::own("straight", || Box::new(Straight)), controller, every), 2);
+    let results = run(
+        &driven("constant-velocity", Driver::own("straight", || Box::new(Straight)), controller, every),
+        2,
+    );
     assert!(results.0.len() >= 12 && results.1.is_empty(), "{:?}", results.1);
     results
 }
@@ -56,7 +48,7 @@ fn it_gives_the_rows_of_a_planner_of_the_program_on_any_number_of_workers_and_th
         let wanted = own(controller, every);
         for (workers, jobs) in [(1, 1), (1, 3), (3, 2)] {
             let settings = ExternalSettings { workers, ..child.settings("", LONG) };
-            let found = run(&plan_with(driver(settings).unwrap(), controller, every), jobs);
+            let found = run(&driven("constant-velocity", driver(settings).unwrap(), controller, every), jobs);
             assert_eq!(found, wanted, "{workers} workers, {jobs} threads");
         }
     }
@@ -70,7 +62,7 @@ fn a_process_that_ends_loses_nothing() {
     for (name, fault) in [("a", "exit3 plan 7"), ("b", "kill begin 4"), ("c", "cut50 plan 15")] {
         let arguments = format!("{fault} once:{}", child.path(name).display());
         let driver = driver(child.settings(&arguments, LONG)).unwrap();
-        let found = run(&plan_with(driver, Controller::LqrBicycle, 5), 2);
+        let found = run(&driven("constant-velocity", driver, Controller::LqrBicycle, 5), 2);
         assert_eq!(found, wanted, "{fault}");
         assert!(child.path(name).exists(), "{fault}: it happened");
     }
@@ -97,7 +89,7 @@ fn only_the_culprit_fails() {
     ] {
         let limit = if fault.contains("hang") { Duration::from_secs(2) } else { LONG };
         let settings = child.settings(&format!("{fault} {message} seed:{seed}"), limit);
-        let plan = plan_with(driver(settings).unwrap(), Controller::LqrBicycle, 5);
+        let plan = driven("constant-velocity", driver(settings).unwrap(), Controller::LqrBicycle, 5);
         let (rows, failures) = run(&plan, 2);
         let text = failures.values().next().map_or("", String::as_str);
         assert!(text.contains(part), "{fault}: {failures:?}");

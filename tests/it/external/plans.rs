@@ -1,18 +1,13 @@
 //! Plans that a tracker follows: mistakes are refused by name, and no honest planner is.
 
-use std::sync::atomic::AtomicBool;
-
-use reactsim::evaluation::{
-    self, AvChoice, Driver, EvaluationError, Execution, Outcome, PlannedAv, RolloutCheck,
-};
+use reactsim::evaluation::{Driver, EvaluationError, Outcome, RolloutCheck};
 use reactsim::geometry::{direction, left};
 use reactsim::planning::planner::{Planner, PlannerInput};
 use reactsim::planning::tracking::Controller;
 use reactsim::planning::{PlanningError, Trajectory};
-use reactsim::rollout::{Protocol, Replan};
 use reactsim::scene::AgentState;
 
-use super::{Collector, plan_of};
+use super::{driven, execute};
 
 /// Pose `t` seconds after the first plan or the present, and its speed at first.
 type Draw = fn(AgentState, f64) -> [f64; 3];
@@ -71,21 +66,12 @@ fn reaching(now: AgentState, t: f64, a: f64, end: f64) -> [f64; 3] {
 
 fn run(drawing: Draws, every: usize, allowed: &[RolloutCheck]) -> Result<usize, EvaluationError> {
     let driver = Driver::own("drawing", move || Box::new(drawing()));
-    let mut plan =
-        plan_of(evaluation::PlannedSimulator::by_ids(&["stop".to_owned()]).unwrap(), Protocol::Reactive);
-    let (every, controller) = (Replan::every(every).unwrap(), Controller::LqrBicycle);
-    plan.spec.subject.av =
-        Some(AvChoice::Planned(PlannedAv { driver: driver.driver().clone(), controller, every }));
-    plan.drivers.push(driver);
+    let mut plan = driven("stop", driver, Controller::LqrBicycle, every);
     plan.spec.subject.motion.allow = allowed.to_vec();
-    let (collector, stop) = (Collector::default(), AtomicBool::new(false));
-    let outcome =
-        evaluation::run(&plan, Execution { jobs: 1, batch: 3 }, None, plan.tally(), &collector, &stop)?;
-    assert!(matches!(outcome, Outcome::Finished(_)));
+    let (outcome, rows, failures) = execute(&plan, 1, 3, None);
+    assert!(matches!(outcome?, Outcome::Finished(_)));
     // An AV that cannot follow its plan is refused where the plan is 10 m away.
-    let failures = collector.failures.into_inner().unwrap();
     assert!(failures.iter().all(|failure| failure.error.contains("m from ego")), "{failures:?}");
-    let rows = collector.rows.into_inner().unwrap();
     Ok(rows.iter().filter(|row| row.outcomes.keys().any(|name| name.starts_with("allowed-"))).count())
 }
 

@@ -4,15 +4,16 @@ use std::path::Path;
 
 use reactsim::formats::native::ByNumber;
 
-use super::{good, refusal, write_native};
+use super::{good, refusal};
 use crate::program::MINI;
+use crate::small_scenarios::write;
 
 #[test]
 fn scenarios_are_the_same_in_any_order_and_on_any_thread() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mini.parquet");
     let scenarios = good(Path::new(MINI));
-    write_native(&path, &scenarios);
+    write(&path, &scenarios);
     let file = ByNumber::open(&path).unwrap();
     // More than one row group.
     assert!(file.len() == scenarios.len() && file.len() > 8 && !file.is_empty());
@@ -38,11 +39,11 @@ fn a_file_that_is_changed_meanwhile_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mini.parquet");
     let mut scenarios = good(Path::new(MINI));
-    write_native(&path, &scenarios);
+    write(&path, &scenarios);
     let file = ByNumber::open(&path).unwrap();
     let held = ByNumber::open(&path).unwrap();
     scenarios.reverse();
-    write_native(&path, &scenarios);
+    write(&path, &scenarios);
     // An open file keeps its content; the first read in another thread finds the new file.
     file.read(3).unwrap();
     let told = std::sync::Mutex::new(Vec::new());

@@ -13,7 +13,8 @@ use reactsim::formats::{FORMATS, FormatError, Input, ScenarioFormat, UndecodedSc
 use reactsim::scene::{CURRENT, FRAMES, FUTURE, MAX_AGENTS, Scenario};
 use tempfile::TempDir;
 
-use super::{HAND_WRITTEN, argoverse2, gpudrive, nuplan, read_at, scenarionet, write_native};
+use super::{HAND_WRITTEN, argoverse2, gpudrive, nuplan, read_at, scenarionet};
+use crate::small_scenarios::write;
 use reactsim_test_support::proto::{self, Proto};
 
 /// Time limit for reading one small file, in a build for tests on a machine with other work.
@@ -63,7 +64,7 @@ const FIXTURES: &[Fixture] = &[
         write: |folder| {
             let path = folder.join("a.parquet");
             let scenario = parse_json(Path::new("a.json"), HAND_WRITTEN.as_bytes()).unwrap();
-            write_native(&path, &[scenario]);
+            write(&path, [scenario]);
             vec![path]
         },
         av: "av",

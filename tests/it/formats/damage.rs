@@ -4,7 +4,8 @@
 use std::fs;
 use std::path::Path;
 
-use super::{digests, good, gzip, write_native};
+use super::{digests, good, gzip};
+use crate::small_scenarios::write;
 use reactsim_test_support::proto::{self, Proto};
 
 /// Reads a file with every `stride`-th byte changed, and cut at every `stride`-th byte.
@@ -92,7 +93,7 @@ fn damaged_native_files() {
     let (womd, path) = (folder.path().join("f.tfrecord"), folder.path().join("f.parquet"));
     let ten: Vec<Proto> = (0..10).map(|i| Proto { id: i.to_string(), ..Proto::default() }).collect();
     fs::write(&womd, proto::records(&ten)).unwrap();
-    write_native(&path, &good(&womd));
+    write(&path, &good(&womd));
     fs::remove_file(&womd).unwrap();
     hurt(&path, 89);
 }

@@ -56,6 +56,9 @@ fn odd_input_with_a_stated_meaning() {
     let s = read(|p| p.tracks[0].4 = 0.0).unwrap();
     assert_eq!((s.start.agents.len(), s.unselected.len()), (2, 1));
     assert_eq!(s.repairs["agents with a box of size zero"], 1);
+    let all = s.with_all_agents();
+    assert_eq!((all.start.agents.len(), all.repairs.len()), (3, 0));
+    assert_eq!((all.start.agents[2].id.as_str(), all.start.agents[2].length), ("7", 0.0));
     // Agents that are never valid have no size at all.
     let s = read(|p| p.tracks[0].5 = 0..0).unwrap();
     assert_eq!((s.unselected[0].agent.length, s.start.agents.len()), (0.0, 2));
@@ -204,15 +207,6 @@ fn padding_far_from_the_recording_is_absent() {
     assert!(s.unselected[0].track.iter().all(Option::is_none));
     assert!(!s.repairs.contains_key("agents with a box of size zero"));
     assert_eq!(s.with_all_agents().start.agents.len(), 3);
-}
-
-#[test]
-fn agents_of_size_zero_are_simulated_with_all_agents() {
-    let s = read(|p| p.tracks[0].4 = 0.0).unwrap();
-    assert_eq!((s.start.agents.len(), s.repairs["agents with a box of size zero"]), (2, 1));
-    let all = s.with_all_agents();
-    assert_eq!((all.start.agents.len(), all.repairs.len()), (3, 0));
-    assert_eq!((all.start.agents[2].id.as_str(), all.start.agents[2].length), ("7", 0.0));
 }
 
 #[test]

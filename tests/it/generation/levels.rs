@@ -7,8 +7,8 @@ use reactsim::generation::{GenerationSettings, Generator, Preset};
 use reactsim::rollout::Settings;
 use reactsim::scene::{MapHeights, Scenario};
 
-use crate::formats::write_native;
 use crate::scenes::{roll_with, scores};
+use crate::small_scenarios::write;
 
 static OVERPASSES: LazyLock<Vec<Scenario>> = LazyLock::new(|| {
     let settings = GenerationSettings {
@@ -35,7 +35,7 @@ fn flattened(scenario: &Scenario) -> Scenario {
 fn bridges_have_two_levels_that_files_keep() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("overpass.parquet");
-    write_native(&path, &OVERPASSES);
+    write(&path, OVERPASSES.iter());
     let back: Vec<Scenario> = formats::open(&path).unwrap().map(Result::unwrap).collect();
     assert_eq!(back.len(), OVERPASSES.len());
     for (scenario, back) in OVERPASSES.iter().zip(&back) {

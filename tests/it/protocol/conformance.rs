@@ -11,7 +11,7 @@ use reactsim::rollout::{Av, AvPolicy, LogAv, Protocol, Request, Rollout, Setting
 use reactsim::scene::{AgentKind, CURRENT, DT, FRAMES, HISTORY, LoggedAgent, MapParts, Scenario};
 
 use super::{INTERVALS, every_baseline, scenarios, settings};
-use crate::scenes::{agent, bits, car, coasting, request, scene, state, straight};
+use crate::scenes::{agent, bits, car, coasting, request, roll, scene, state, straight};
 
 /// An AV that must not be used.
 struct Unasked;
@@ -71,8 +71,7 @@ fn rollouts_are_whole_and_agree_with_themselves() {
                 }
                 let settings = settings(replan, true);
                 let av = coasting(scenario);
-                let done = roll_out(vec![request(scenario, av.clone(), 0)], &controller, &settings).remove(0);
-                let done = done.unwrap();
+                let done = roll(scenario, av.clone(), &controller, &settings);
                 check(scenario, &done, model, true, model.id);
                 for (track, given) in done.tracks[0][HISTORY..].iter().zip(&av) {
                     let s = track.unwrap();

@@ -13,8 +13,8 @@ use reactsim::scene::{
     AgentState, CURRENT, DT, Frame, HISTORY, Length, LightState, LoggedAgent, MapParts, Scenario,
 };
 
-use super::{every_baseline, roll, settings};
-use crate::scenes::{bits, car, lane, mini, scene};
+use super::{every_baseline, settings};
+use crate::scenes::{bits, car, lane, mini, roll, scene};
 
 /// Steps of the long rollouts.
 const STEPS: usize = 200;

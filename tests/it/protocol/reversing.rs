@@ -3,10 +3,9 @@
 use std::f64::consts::FRAC_PI_2;
 
 use reactsim::models;
-use reactsim::rollout::roll_out;
 use reactsim::scene::{AgentState, DT, FUTURE, MapParts, Scenario};
 
-use crate::scenes::{car, contact, lane, line, request, scene, scores, straight};
+use crate::scenes::{car, contact, lane, line, roll, scene, scores, straight};
 
 /// Baselines with rules or a guard.
 const RULES: [&str; 4] = ["idm", "idm+qp", "ntp-guarded", "qp-regression"];
@@ -40,8 +39,7 @@ fn check(id: &str, scenario: &Scenario, av: Vec<AgentState>) {
     }
     for every in [1, 5] {
         let settings = super::settings(every, true);
-        let done =
-            roll_out(vec![request(scenario, av.clone(), 0)], &controller, &settings).remove(0).unwrap();
+        let done = roll(scenario, av.clone(), &controller, &settings);
         let faults = scores(scenario, &done).value("aav-collision");
         assert_eq!(faults, Some(0.0), "{id} every {every}: {}: {:?}", scenario.id, contact(scenario, &done));
     }

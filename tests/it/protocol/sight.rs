@@ -7,8 +7,8 @@ use reactsim::scene::{
     AgentState, CURRENT, FUTURE, Frame, HISTORY, LightState, Scenario, StopKind, StopLineParts,
 };
 
-use super::{INTERVALS, every_baseline, roll, scenarios, settings};
-use crate::scenes::{self, bits, bystander, car, coasting, light, real, scene, straight};
+use super::{INTERVALS, every_baseline, scenarios, settings};
+use crate::scenes::{self, bits, bystander, car, coasting, light, real, roll, scene, straight};
 use crate::small_scenarios;
 
 /// Returns the AV of `base` up to step `t`; then it stands still, turned aside.

@@ -67,7 +67,10 @@ mod tests {
     fn labels_are_names() {
         for id in ["idm@", "idm@a.b", "idm@a@b", "idm@a+b", "idm@ä"] {
             let error = SimulatorId::parse(id).unwrap_err().to_string();
-            assert!(error.contains(id) && error.contains("letters, digits"), "{error}");
+            assert!(
+                error.contains(id) && error.contains("the label after `@` has letters, digits"),
+                "{error}"
+            );
         }
     }
 }

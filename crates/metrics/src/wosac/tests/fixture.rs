@@ -44,6 +44,18 @@ pub(super) fn scenario(
     (log, rollouts)
 }
 
+/// Makes all rollouts follow the log.
+pub(super) fn follow_log(log: &WosacLog, rollouts: &mut ScenarioRollouts) {
+    for scene in &mut rollouts.joint_scenes {
+        for (trajectory, track) in scene.trajectories.iter_mut().zip(&log.tracks) {
+            trajectory.x = track.x[HISTORY..].to_vec();
+            trajectory.y = track.y[HISTORY..].to_vec();
+            trajectory.z = track.z[HISTORY..].to_vec();
+            trajectory.heading = track.heading[HISTORY..].to_vec();
+        }
+    }
+}
+
 fn track(rng: &mut ChaCha8Rng, i: usize, center: [f32; 2]) -> WosacTrack {
     let (length, width) = (rng.random_range(0.5..9.0), rng.random_range(0.5..2.6));
     let start = [rng.random_range(-60.0f32..60.0), rng.random_range(-20.0f32..20.0)];

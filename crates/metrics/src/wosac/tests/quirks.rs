@@ -19,14 +19,7 @@ fn straight(objects: usize) -> (WosacLog, ScenarioRollouts) {
         track.heading = vec![0.0; FRAMES];
         track.valid = vec![true; FRAMES];
     }
-    for scene in &mut rollouts.joint_scenes {
-        for (trajectory, track) in scene.trajectories.iter_mut().zip(&log.tracks) {
-            trajectory.x = track.x[HISTORY..].to_vec();
-            trajectory.y = track.y[HISTORY..].to_vec();
-            trajectory.z = track.z[HISTORY..].to_vec();
-            trajectory.heading = track.heading[HISTORY..].to_vec();
-        }
-    }
+    fixture::follow_log(&log, &mut rollouts);
     log.tracks_to_predict = vec![0];
     (log, rollouts)
 }

@@ -55,16 +55,9 @@ fn shares_are_those_of_brute_force_in_every_configuration() {
 #[test]
 fn a_rollout_unlike_the_log_has_a_negative_share() {
     let (log, mut rollouts) = fixture::scenario(5, 6, 4, [0.0, 0.0]);
-    for (r, scene) in rollouts.joint_scenes.iter_mut().enumerate() {
-        for (trajectory, track) in scene.trajectories.iter_mut().zip(&log.tracks) {
-            trajectory.x = track.x[HISTORY..].to_vec();
-            trajectory.y = track.y[HISTORY..].to_vec();
-            trajectory.z = track.z[HISTORY..].to_vec();
-            trajectory.heading = track.heading[HISTORY..].to_vec();
-            if r == 2 {
-                trajectory.y = (0..FUTURE).map(|k| track.y[HISTORY] + 4.0 * k as f32).collect();
-            }
-        }
+    fixture::follow_log(&log, &mut rollouts);
+    for (trajectory, track) in rollouts.joint_scenes[2].trajectories.iter_mut().zip(&log.tracks) {
+        trajectory.y = (0..FUTURE).map(|k| track.y[HISTORY] + 4.0 * k as f32).collect();
     }
     let scored = Scorer::new(&log).unwrap().score_with_shares(&rollouts, &[Config::CHALLENGE_2025]).unwrap();
     let [(_, shares)] = scored.as_slice() else { panic!("one configuration") };
