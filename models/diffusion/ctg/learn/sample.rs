@@ -76,7 +76,7 @@ impl Sample {
                 let [acceleration, yaw_rate] = normalized(*action);
                 [x, y, speed, yaw, acceleration, yaw_rate]
             });
-            self.weights.push(f32::from(u8::from(numbers.is_some())));
+            self.weights.push(f32::from(numbers.is_some()));
             self.truth.extend(numbers.unwrap_or_default());
         }
         let known: f32 = self.weights[first..].iter().sum();

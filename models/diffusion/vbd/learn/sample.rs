@@ -136,7 +136,7 @@ impl Sample {
         for state in &future[1..=states] {
             let (at, yaw) = state.as_ref().map(local).unwrap_or_default();
             self.truth.extend([at.x, at.y, yaw].map(|v| v as f32));
-            self.weights.push(f32::from(u8::from(state.is_some())));
+            self.weights.push(f32::from(state.is_some()));
         }
         let known: f32 = self.weights[first..].iter().sum();
         let weight = if known > 0.0 { weight as f32 } else { 0.0 };
