@@ -230,12 +230,7 @@ impl Traffic {
         self.av_paths_age = 0;
         self.av_paths.clear();
         let road = seen.start().road().on_level(av.pose.position, av.height);
-        let motion = Motion {
-            position: av.pose.position,
-            heading: av.pose.heading,
-            speed: av.speed,
-            curvature: self.av_curvature,
-        };
+        let motion = Motion { pose: av.pose, speed: av.speed, curvature: self.av_curvature };
         let mut routes = route::alternatives(&road, &motion, false);
         routes.sort_by(|a, b| a.0.total_cmp(&b.0));
         let least = routes.first().map_or(0.0, |w| w.0);
@@ -246,18 +241,11 @@ impl Traffic {
             let Some((line, _)) = route::center_line(&road, &route, length) else { continue };
             let pursuit = parameters.vehicle.pursuit(av.speed);
             let offset = line.project(av.pose.position).offset;
-            self.av_paths.push(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit));
             // An AV off the centre line may return to it, or intend to stay there.
-            if offset.abs() > CENTRED_OFFSET {
-                let offset_line = line.aside(offset);
-                self.av_paths.push(DrivenPath::pursue(
-                    av.pose,
-                    self.av_curvature,
-                    &offset_line,
-                    length,
-                    &pursuit,
-                ));
-            }
+            let aside = (offset.abs() > CENTRED_OFFSET).then(|| line.aside(offset));
+            let lines = std::iter::once(line).chain(aside);
+            let path = |line| DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit);
+            self.av_paths.extend(lines.map(path));
         }
     }
 
