@@ -19,6 +19,7 @@ mod solver;
 mod tests;
 mod unicycle;
 pub mod vbd;
+mod waves;
 
 pub use continued::{continued, latest_motion};
 pub use guide::{Guide, Moment};
