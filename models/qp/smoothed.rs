@@ -103,7 +103,7 @@ struct EpisodeMemory {
 impl Smoothed {
     /// Puts the memory of the inner simulator together with a new stage.
     fn add_stage(&self, memory: &mut Memory) {
-        let inner = std::mem::replace(memory, Memory::NONE);
+        let inner = std::mem::take(memory);
         let stage = match self.follow {
             Follow::Plans(keep_clear) => Stage::new(&self.settings, keep_clear),
             Follow::Guarded(guard) => Stage::guarded(&self.settings, guard),
@@ -122,7 +122,7 @@ impl Simulator for Smoothed {
     fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
         for episode in batch.iter_mut() {
             let before = episode.before.take::<EpisodeMemory>();
-            episode.before = before.map_or(Memory::NONE, |memory| memory.inner);
+            episode.before = before.map(|memory| memory.inner).unwrap_or_default();
         }
         self.inner.continue_batch(batch)?;
         batch.iter_mut().for_each(|episode| self.add_stage(&mut episode.beginning.memory));
