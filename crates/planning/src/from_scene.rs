@@ -11,6 +11,8 @@ mod objects;
 mod pieces;
 mod roadblocks;
 mod route;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
