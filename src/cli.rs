@@ -222,7 +222,7 @@ fn hint(error: &anyhow::Error) -> Option<String> {
         }
         EvaluationError::Model(ModelError::UnknownParameter { id, key, .. }) => {
             let setup = models::find(id)?.setup().ok()?;
-            let meant = most_similar(key, setup.ranges().ok()?.into_iter().map(|(key, _, _)| key));
+            let meant = most_similar(key, setup.parameters.ranges().ok()?.into_iter().map(|(key, _, _)| key));
             let meant = question(meant.map(|meant| format!("{id}.{meant}")));
             Some(format!("{meant}`reactsim list parameters {id}` shows all"))
         }

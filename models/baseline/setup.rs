@@ -3,9 +3,8 @@
 use std::error::Error;
 
 use serde::de::DeserializeOwned;
-use toml::Value;
 
-use super::{Backend, Card, ModelError, ParameterRange, Parameters, Ranges, WeightsFile};
+use super::{Backend, Card, ModelError, Parameters, Ranges, WeightsFile};
 
 /// Parameters and weights from which a baseline is built.
 #[derive(Clone, Debug)]
@@ -45,22 +44,6 @@ impl Setup {
         self.parameters.get()
     }
 
-    /// Returns the dotted path, value and range of every parameter.
-    ///
-    /// # Errors
-    /// [`ModelError`] for a parameter without a range.
-    pub fn ranges(&self) -> Result<Vec<(String, &Value, &ParameterRange)>, ModelError> {
-        self.parameters.ranges()
-    }
-
-    /// Checks that a parameter is at most as large as another one.
-    ///
-    /// # Errors
-    /// [`ModelError::Order`] naming both parameters and their values.
-    pub fn require_order(&self, lower: &'static str, upper: &'static str) -> Result<(), ModelError> {
-        self.parameters.require_order(lower, upper)
-    }
-
     /// Returns the weights.
     ///
     /// # Errors
@@ -89,13 +72,5 @@ impl Setup {
             ModelError::Weights { id, file, source: error.into() }
         };
         read(&weights.bytes).map_err(refuse)
-    }
-
-    /// Changes a parameter, as [`Parameters::set`].
-    ///
-    /// # Errors
-    /// [`ModelError`] naming the parameter, the value and, if it is not within it, the range.
-    pub fn set(&mut self, key: &str, value: &str) -> Result<String, ModelError> {
-        self.parameters.set(key, value)
     }
 }

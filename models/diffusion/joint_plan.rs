@@ -44,7 +44,7 @@ fn along(plan: &[AgentState], now: AgentState, steps: usize) -> Vec<AgentState> 
 }
 
 /// Returns the states of an agent that keeps its velocity.
-fn go_on(now: AgentState, steps: usize) -> Vec<AgentState> {
+pub(crate) fn go_on(now: AgentState, steps: usize) -> Vec<AgentState> {
     let v = now.velocity().unwrap_or_default();
     let after = |k: usize| {
         let p = now.position() + v * (k as f64 * DT);

@@ -19,14 +19,14 @@ mod solver;
 mod tests;
 mod unicycle;
 pub mod vbd;
+mod waves;
 
 pub use continued::{continued, latest_motion};
 pub use guide::{Guide, Moment};
 pub use inverse::{Actions, actions};
-pub use motion::{motion_from, states_of};
-pub use motion::{normalized, own_motion, unnormalized};
+pub use motion::{motion_from, normalized, own_motion, states_of, unnormalized};
 pub use normal::{normal_values, standard_normal};
 pub use sampler::{Sampler, Sampling};
 pub use schedule::{Schedule, ScheduleError};
 pub use solver::{VariancePreserving, solve};
-pub use unicycle::{MotionNoise, roll_out};
+pub use unicycle::roll_out;

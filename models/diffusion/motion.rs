@@ -27,7 +27,7 @@ pub fn own_motion(actions: Tensor<3>, speeds: &Tensor<2>, hold: usize) -> Tensor
     let agents = speeds.dims()[0];
     let nothing = |columns| Tensor::<2>::zeros([agents, columns], &speeds.device());
     let start = Tensor::cat(vec![nothing(3), speeds.clone(), nothing(1)], 1);
-    roll_out(&start, unnormalized(actions), hold, None)
+    roll_out(&start, unnormalized(actions), hold)
 }
 
 /// Returns the states to which normalised actions, `[n, actions, 2]`, lead agents from these states, `[n,
@@ -37,7 +37,7 @@ pub fn motion_from(now: &[AgentState], actions: Tensor<3>, hold: usize, device: 
     let start = |s: &AgentState| [0.0, 0.0, s.heading as f32, s.vx as f32, s.vy as f32];
     let starts: Vec<f32> = now.iter().flat_map(start).collect();
     let starts = Tensor::<2>::from_data(TensorData::new(starts, [now.len(), 5]), device);
-    roll_out(&starts, unnormalized(actions), hold, None)
+    roll_out(&starts, unnormalized(actions), hold)
 }
 
 /// Returns what [`motion_from`] found, in the scene: states by agent.

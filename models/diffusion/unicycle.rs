@@ -3,15 +3,6 @@
 use burn::tensor::Tensor;
 use reactsim_scene::DT;
 
-/// Noise that VBD adds to the motion, of standard normal distribution, `[n, steps]` each.
-#[derive(Clone, Debug)]
-pub struct MotionNoise {
-    /// Noise of speeds; 1 is 0.1 m/s.
-    pub speed: Tensor<2>,
-    /// Noise of yaw rates; 1 is 0.01 rad/s.
-    pub yaw_rate: Tensor<2>,
-}
-
 /// Drives agents by actions (a unicycle; Versatile Behavior Diffusion, <https://arxiv.org/abs/2404.02524>).
 ///
 /// - `start`, `[n, 5]`: x, y (m), yaw (rad), vx, vy (m/s).
@@ -21,12 +12,7 @@ pub struct MotionNoise {
 /// Returns the states after each step, `[n, count * hold, 5]`, in the frame of the start. Yaws are not
 /// wrapped. Speeds are limited to 0 and more after accelerations were added up, as published: an agent that
 /// stands first pays back what it braked beyond its halt.
-pub fn roll_out(
-    start: &Tensor<2>,
-    actions: Tensor<3>,
-    hold: usize,
-    noise: Option<&MotionNoise>,
-) -> Tensor<3> {
+pub fn roll_out(start: &Tensor<2>, actions: Tensor<3>, hold: usize) -> Tensor<3> {
     let [n, count, _] = actions.dims();
     let steps = count * hold;
     let column = |k: usize| {
@@ -36,14 +22,8 @@ pub fn roll_out(
     let of = |k: usize| start.clone().narrow(1, k, 1);
     let (vx, vy) = (of(3), of(4));
     let first = (vx.clone() * vx + vy.clone() * vy).sqrt();
-    let mut speed = column(0).cumsum(1) * DT + first;
-    let mut yaw_rate = column(1);
-    if let Some(noise) = noise {
-        speed = speed + noise.speed.clone() * 0.1;
-        yaw_rate = yaw_rate + noise.yaw_rate.clone() * 0.01;
-    }
-    let speed = speed.clamp_min(0.0);
-    let yaw = yaw_rate.cumsum(1) * DT + of(2);
+    let speed = (column(0).cumsum(1) * DT + first).clamp_min(0.0);
+    let yaw = column(1).cumsum(1) * DT + of(2);
     let (vx, vy) = (speed.clone() * yaw.clone().cos(), speed * yaw.clone().sin());
     let x = vx.clone().cumsum(1) * DT + of(0);
     let y = vy.clone().cumsum(1) * DT + of(1);

@@ -1,6 +1,6 @@
 //! Agents and obstacles as moving boxes.
 
-use reactsim_geometry::{OrientedBox, wrap};
+use reactsim_geometry::{OrientedBox, Vec2, wrap};
 use reactsim_scene::AgentKind;
 use reactsim_scene::dynamics::{DrivenPath, Pose};
 
@@ -36,6 +36,12 @@ impl Actor {
     /// Returns the present box.
     pub(super) fn footprint(&self) -> OrientedBox {
         OrientedBox::new(self.pose.position, self.pose.heading, 2.0 * self.half_length, 2.0 * self.half_width)
+    }
+
+    /// Returns its box at another place, enlarged on each side by these lengths along and across it, metres.
+    pub(super) fn box_at(&self, center: Vec2, axis: Vec2, (along, across): (f64, f64)) -> OrientedBox {
+        let (half_length, half_width) = (self.half_length + along, self.half_width + across);
+        OrientedBox { center, axis, half_length, half_width }
     }
 
     /// Returns the arc length at which the agent is on a path, metres; `None` if it does not keep to the

@@ -1,8 +1,8 @@
 //! Agents that are or will be in the corridor that a vehicle's box sweeps along its path.
 
 use reactsim_geometry::OrientedBox;
-use reactsim_scene::Road;
 use reactsim_scene::dynamics::DrivenPath;
+use reactsim_scene::{Road, Start};
 
 use super::actor::Actor;
 use super::driver::PathFollower;
@@ -69,13 +69,8 @@ fn touched(own: &Actor, path: &DrivenPath, middle: f64, other: &OrientedBox) -> 
     let (first, last) = (path.index(middle - reach), path.index(middle + reach));
     let touches = |i: &usize| {
         let point = &path.points()[*i];
-        let ours = OrientedBox {
-            center: point.pose.position,
-            axis: point.axis,
-            half_length: own.half_length + 0.5 * DrivenPath::STEP,
-            half_width: own.half_width + LATERAL_CLEARANCE,
-        };
-        ours.separation(other) < 0.0
+        let room = (0.5 * DrivenPath::STEP, LATERAL_CLEARANCE);
+        own.box_at(point.pose.position, point.axis, room).separation(other) < 0.0
     };
     let low = (first..=last).find(touches)?;
     let high = (low..=last).rev().find(touches)?;
@@ -96,21 +91,27 @@ fn section(own: &Actor, driver: &PathFollower) -> (f64, f64) {
     (driver.s - own.half_length, driver.s + reach)
 }
 
+/// Returns the same arc lengths, with what it drives in `horizon` seconds at its largest acceleration.
+fn driven_section(own: &Actor, driver: &PathFollower, horizon: f64) -> (f64, f64) {
+    let (from, to) = section(own, driver);
+    let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);
+    (from, to.max(driver.s + driven))
+}
+
 /// Bounds the section of the path in which a vehicle looks for others, and what it drives in `horizon`
 /// seconds at its largest acceleration.
 pub(super) fn strip(own: &Actor, driver: &PathFollower, horizon: f64) -> Option<Strip> {
-    let (from, to) = section(own, driver);
-    let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);
-    let last = driver.path.index(to.max(driver.s + driven) + DrivenPath::STEP);
-    Strip::of(&driver.path, driver.path.index(from), last)
+    let (from, to) = driven_section(own, driver, horizon);
+    Strip::of(&driver.path, driver.path.index(from), driver.path.index(to + DrivenPath::STEP))
 }
 
 /// Follows the road under the part of the path that [`strip`] bounds, and returns the heights, which the
-/// driver keeps for the next decision.
-pub(super) fn heights(road: &Road<'_>, own: &Actor, driver: &mut PathFollower, horizon: f64) -> PathHeights {
-    let (from, to) = section(own, driver);
-    let driven = horizon * (own.speed + 0.5 * driver.style.acceleration * horizon);
-    driver.heights.follow(road, own, &driver.path, from, to.max(driver.s + driven));
+/// driver keeps for the next decision; none in scenarios of one level.
+pub(super) fn heights(start: &Start, own: &Actor, driver: &mut PathFollower, horizon: f64) -> PathHeights {
+    if start.has_levels() {
+        let (from, to) = driven_section(own, driver, horizon);
+        driver.heights.follow(&start.road(), own, &driver.path, from, to);
+    }
     driver.heights.clone()
 }
 
@@ -179,13 +180,7 @@ pub(super) fn look(
             let (low, high) = if straight {
                 (at.s - along, at.s + along)
             } else {
-                let swept = OrientedBox {
-                    center: sample.center,
-                    axis: sample.axis,
-                    half_length: other.half_length + swept,
-                    half_width: other.half_width,
-                };
-                match touched(own, path, at.s, &swept) {
+                match touched(own, path, at.s, &other.box_at(sample.center, sample.axis, (swept, 0.0))) {
                     Some(stretch) => stretch,
                     None => continue,
                 }

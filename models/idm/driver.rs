@@ -159,8 +159,7 @@ impl AgentBehaviour {
                     return if now.speed() < MAX_REVERSE_SPEED { Self::Reversing } else { Self::Parked };
                 }
                 let motion = Motion {
-                    position: now.position(),
-                    heading: now.heading,
+                    pose: Pose::from(now),
                     speed: now.velocity().map_or(0.0, |v| v.norm()),
                     curvature: curvature_now(sight.track()).clamp(-class.max_curvature, class.max_curvature),
                 };
@@ -179,17 +178,17 @@ impl AgentBehaviour {
 /// Returns whether a standing vehicle is parked: it has not moved, and it is next to the lanes or at an
 /// angle to them.
 fn is_parked(sight: &Sight<'_>, motion: &Motion, cyclist: bool, parameters: &Parameters) -> bool {
-    let first = sight.track().iter().flatten().next().map_or(motion.position, |s| s.position());
+    let first = sight.track().iter().flatten().next().map_or(motion.pose.position, |s| s.position());
     let bounds = &parameters.parked;
-    if (motion.position - first).norm() > bounds.travel || motion.speed > bounds.speed {
+    if (motion.pose.position - first).norm() > bounds.travel || motion.speed > bounds.speed {
         return false;
     }
-    match route::nearest_lane(&sight.road(), motion.position, motion.heading, cyclist) {
+    match route::nearest_lane(&sight.road(), motion.pose.position, motion.pose.heading, cyclist) {
         None => true,
         Some(hit) => {
             let lane = sight.road().lane(hit.lane).baseline.heading(hit.projection.segment);
             hit.projection.distance > bounds.offset
-                || reactsim_geometry::wrap(lane - motion.heading).abs() > bounds.heading
+                || reactsim_geometry::wrap(lane - motion.pose.heading).abs() > bounds.heading
         }
     }
 }
@@ -222,9 +221,8 @@ fn path_out(sight: &Sight<'_>) -> Option<(Vec2, f64)> {
 /// to frame.
 fn mean_velocity(sight: &Sight<'_>) -> Vec2 {
     let track = sight.track();
-    let seen =
-        track[track.len().saturating_sub(HISTORY)..].iter().enumerate().filter_map(|(f, s)| Some((f, (*s)?)));
-    let mut ends = seen.map(|(f, s)| (f, s.position()));
+    let recent = track[track.len().saturating_sub(HISTORY)..].iter().enumerate();
+    let mut ends = recent.filter_map(|(f, s)| Some((f, (*s)?.position())));
     let Some(first) = ends.next() else { return Vec2::zeros() };
     match ends.next_back() {
         Some(last) => (last.1 - first.1) / (DT * (last.0 - first.0) as f64),
@@ -258,7 +256,6 @@ impl PathFollower {
         stream: &mut Stream,
     ) -> Self {
         let (road, cyclist) = (sight.road(), sight.properties().kind == AgentKind::Cyclist);
-        let pose = Pose { position: motion.position, heading: motion.heading };
         let free = (class.speed_freeway * style.haste).max(motion.speed);
         // Cover the distance that the vehicle can travel within the horizon, and its look-ahead.
         let horizon = DT * FUTURE as f64;
@@ -270,30 +267,41 @@ impl PathFollower {
         }
         let planned = sight.seen.step();
         let Some(mut route) = route::choose(alternatives, stream) else {
-            return Self::off_lane(&road, motion, pose, class, style, planned);
+            return Self::off_lane(&road, motion, class, style, planned);
         };
         route::extend(&road, &mut route, length, cyclist, stream);
         let Some((line, starts)) = route::center_line(&road, &route, length) else {
-            return Self::off_lane(&road, motion, pose, class, style, planned);
+            return Self::off_lane(&road, motion, class, style, planned);
         };
         let agent = sight.properties();
         let line = around_obstacles(sight, &line, 0.5 * agent.width, motion.speed);
         let pursuit = class.pursuit(motion.speed);
-        let path = DrivenPath::pursue(pose, motion.curvature, &line, length, &pursuit);
-        let offset = line.project(motion.position).s;
+        let path = DrivenPath::pursue(motion.pose, motion.curvature, &line, length, &pursuit);
+        let offset = line.project(motion.pose.position).s;
         let starts: Vec<(f64, usize)> = starts.into_iter().map(|(s, l)| (s - offset, l)).collect();
         let desired = desired_speeds(&road, &path, &starts, motion.speed, class, &style);
-        let ceiling = ceiling(&path, &desired, class);
         let stops = stops(sight.start(), &route, &starts, agent.length);
+        Self { route, stops, ..Self::new(path, line, planned, desired, class, style) }
+    }
+
+    /// Creates a driver at the beginning of a path, without a route.
+    fn new(
+        path: DrivenPath,
+        home: Polyline,
+        planned: usize,
+        desired: Vec<f64>,
+        class: &Class,
+        style: Style,
+    ) -> Self {
         Self {
+            ceiling: ceiling(&path, &desired, class),
             path,
-            home: line,
-            route,
+            home,
+            route: Route::default(),
             planned,
             aside: None,
             desired,
-            ceiling,
-            stops,
+            stops: Vec::new(),
             style,
             ground_ends: None,
             s: 0.0,
@@ -304,42 +312,20 @@ impl PathFollower {
 
     /// Plans a path for a vehicle off the lanes: it goes on slowly with its present curvature, and
     /// stops before it leaves the drivable area.
-    fn off_lane(
-        road: &Road<'_>,
-        motion: &Motion,
-        pose: Pose,
-        class: &Class,
-        style: Style,
-        planned: usize,
-    ) -> Self {
+    fn off_lane(road: &Road<'_>, motion: &Motion, class: &Class, style: Style, planned: usize) -> Self {
         let length = motion.speed * DT * FUTURE as f64 + 30.0;
-        let path = DrivenPath::fade(pose, motion.curvature, 8.0, length);
+        let path = DrivenPath::fade(motion.pose, motion.curvature, 8.0, length);
         let desired = vec![motion.speed.max(MIN_CURVE_SPEED); path.points().len()];
-        let ceiling = ceiling(&path, &desired, class);
         let points: Vec<Vec2> = path.points().iter().map(|p| p.pose.position).collect();
         let home = Polyline::new(&points).expect("a path has at least two distinct points");
         let mut hint = None;
-        let ground_ends = match road.drivable(pose.position, &mut hint) {
+        let ground_ends = match road.drivable(motion.pose.position, &mut hint) {
             Some(true) => (1..path.points().len())
                 .find(|&i| road.drivable(path.points()[i].pose.position, &mut hint) == Some(false))
                 .map(|i| i as f64 * DrivenPath::STEP),
             _ => None,
         };
-        Self {
-            path,
-            home,
-            route: Route::default(),
-            planned,
-            aside: None,
-            desired,
-            ceiling,
-            stops: Vec::new(),
-            style,
-            ground_ends,
-            s: 0.0,
-            waits: false,
-            heights: PathHeights::default(),
-        }
+        Self { ground_ends, ..Self::new(path, home, planned, desired, class, style) }
     }
 
     /// Returns whether the path has to be planned on before a plan of `steps` steps, which begins at step
@@ -351,12 +337,8 @@ impl PathFollower {
 
     /// Plans the path on from where the vehicle is now, along its route as far as that leads.
     pub(super) fn renew(&mut self, sight: &Sight<'_>, own: &Actor, class: &Class, stream: &mut Stream) {
-        let motion = Motion {
-            position: own.pose.position,
-            heading: own.pose.heading,
-            speed: own.speed,
-            curvature: self.path.point_at(self.s).curvature,
-        };
+        let motion =
+            Motion { pose: own.pose, speed: own.speed, curvature: self.path.point_at(self.s).curvature };
         let mut next = Self::plan(sight, &motion, class, self.style, Some(&self.route), stream);
         for stop in &mut next.stops {
             stop.done = self.stops.iter().any(|before| before.done && before.lane == stop.lane);

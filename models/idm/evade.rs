@@ -210,12 +210,7 @@ impl Surroundings<'_> {
             let wary = other.is_av && (own.speed > STANDSTILL_SPEED || heads.dot(&ours.axis) > 0.5);
             let lasting = if wary { lasting } else { 0.0 };
             let growth = (AV_GROWTH_ALONG * lasting, AV_GROWTH_ACROSS * lasting);
-            let theirs = OrientedBox {
-                center: sample.center,
-                axis: sample.axis,
-                half_length: other.half_length + growth.0,
-                half_width: other.half_width + growth.1,
-            };
+            let theirs = other.box_at(sample.center, sample.axis, growth);
             if theirs.separation(&ours) < clearance && !self.heights.is_apart_at(ours.center, sample.height) {
                 return Some(k);
             }

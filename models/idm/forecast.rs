@@ -87,7 +87,7 @@ const SET_OFF_ACCELERATION: f64 = 1.0;
 
 impl Forecast {
     /// Forecasts motion along a path from arc length `s`.
-    pub(super) fn along(index: usize, actor: &Actor, path: &DrivenPath, s: f64, settings: &Conflict) -> Self {
+    fn along(index: usize, actor: &Actor, path: &DrivenPath, s: f64, settings: &Conflict) -> Self {
         Self::of(index, actor, settings, |distance| {
             let point = path.point_at(s + distance);
             (point.pose.position, point.axis)
@@ -95,7 +95,7 @@ impl Forecast {
     }
 
     /// Forecasts motion with the present curvature, which decays over 10 m, ahead or in reverse.
-    pub(super) fn turning(index: usize, actor: &Actor, curvature: f64, settings: &Conflict) -> Self {
+    fn turning(index: usize, actor: &Actor, curvature: f64, settings: &Conflict) -> Self {
         let (mut pose, mut gone) = (actor.pose, 0.0);
         Self::of(index, actor, settings, |distance| {
             let middle = 0.5 * (gone + distance).abs();
@@ -106,7 +106,7 @@ impl Forecast {
     }
 
     /// Forecasts straight motion at a velocity that need not point along the heading (pedestrians).
-    pub(super) fn drifting(index: usize, actor: &Actor, velocity: Vec2, settings: &Conflict) -> Self {
+    fn drifting(index: usize, actor: &Actor, velocity: Vec2, settings: &Conflict) -> Self {
         let speed = velocity.norm();
         let unit = if speed > 0.0 { velocity / speed } else { Vec2::zeros() };
         let moving = Actor { speed, ..*actor };
@@ -174,12 +174,10 @@ pub(super) fn forecast_all(
     let mut all = Vec::with_capacity(actors.len() + 1);
     for (i, actor) in actors.iter().enumerate() {
         match behaviours.get(i) {
-            Some(AgentBehaviour::OnPath(driver)) if driver.waits => {
-                let setting_off = Actor { acceleration: SET_OFF_ACCELERATION, ..*actor };
-                all.push(Forecast::along(i, &setting_off, &driver.path, driver.s, settings));
-            }
             Some(AgentBehaviour::OnPath(driver)) => {
-                all.push(Forecast::along(i, actor, &driver.path, driver.s, settings))
+                let acceleration = if driver.waits { SET_OFF_ACCELERATION } else { actor.acceleration };
+                let driving = Actor { acceleration, ..*actor };
+                all.push(Forecast::along(i, &driving, &driver.path, driver.s, settings));
             }
             Some(AgentBehaviour::Walking { velocity }) => {
                 let now = *velocity * actor.speed / velocity.norm().max(1e-9);

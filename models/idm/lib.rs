@@ -41,11 +41,11 @@ pub const STYLES: Baseline = Baseline {
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    setup.require_order("vehicle.deceleration", "limits.emergency_deceleration")?;
-    setup.require_order("cyclist.deceleration", "limits.emergency_deceleration")?;
-    setup.require_order("limits.jerk", "limits.emergency_jerk")?;
-    setup.require_order("conflict.sample", "conflict.horizon")?;
-    setup.require_order("conflict.sample", "conflict.av_horizon")?;
+    setup.parameters.require_order("vehicle.deceleration", "limits.emergency_deceleration")?;
+    setup.parameters.require_order("cyclist.deceleration", "limits.emergency_deceleration")?;
+    setup.parameters.require_order("limits.jerk", "limits.emergency_jerk")?;
+    setup.parameters.require_order("conflict.sample", "conflict.horizon")?;
+    setup.parameters.require_order("conflict.sample", "conflict.av_horizon")?;
     Ok(Controller::Fair(Box::new(Idm { parameters })))
 }
 

@@ -11,7 +11,7 @@ use super::decide::{Situation, decide};
 use super::driver::{AgentBehaviour, PathFollower, REVERSING_SPEED, Sight};
 use super::evade::{CONTACT_HORIZON, Surroundings};
 use super::forecast::{Forecast, forecast_all};
-use super::heights::{self, PathHeights};
+use super::heights;
 use super::parameters::{Limits, Parameters};
 use super::route::{self, Motion};
 use super::signals::{self, KnownLights, RequiredStop};
@@ -230,12 +230,7 @@ impl Traffic {
         self.av_paths_age = 0;
         self.av_paths.clear();
         let road = seen.start().road().on_level(av.pose.position, av.height);
-        let motion = Motion {
-            position: av.pose.position,
-            heading: av.pose.heading,
-            speed: av.speed,
-            curvature: self.av_curvature,
-        };
+        let motion = Motion { pose: av.pose, speed: av.speed, curvature: self.av_curvature };
         let mut routes = route::alternatives(&road, &motion, false);
         routes.sort_by(|a, b| a.0.total_cmp(&b.0));
         let least = routes.first().map_or(0.0, |w| w.0);
@@ -246,18 +241,11 @@ impl Traffic {
             let Some((line, _)) = route::center_line(&road, &route, length) else { continue };
             let pursuit = parameters.vehicle.pursuit(av.speed);
             let offset = line.project(av.pose.position).offset;
-            self.av_paths.push(DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit));
             // An AV off the centre line may return to it, or intend to stay there.
-            if offset.abs() > CENTRED_OFFSET {
-                let offset_line = line.aside(offset);
-                self.av_paths.push(DrivenPath::pursue(
-                    av.pose,
-                    self.av_curvature,
-                    &offset_line,
-                    length,
-                    &pursuit,
-                ));
-            }
+            let aside = (offset.abs() > CENTRED_OFFSET).then(|| line.aside(offset));
+            let lines = std::iter::once(line).chain(aside);
+            let path = |line| DrivenPath::pursue(av.pose, self.av_curvature, &line, length, &pursuit);
+            self.av_paths.extend(lines.map(path));
         }
     }
 
@@ -323,12 +311,9 @@ impl Traffic {
             of_others,
             road,
             strip: None,
-            heights: PathHeights::default(),
+            heights: corridor::heights(seen.start(), &own, driver, CONTACT_HORIZON),
             settings,
         };
-        if seen.start().has_levels() {
-            around.heights = corridor::heights(&seen.start().road(), &own, driver, CONTACT_HORIZON);
-        }
         if let Some((offset, quiet)) = driver.aside {
             // Return to the lane when nothing has been in the way for a while, and nothing will be on
             // the way back.
@@ -374,9 +359,7 @@ impl Traffic {
             driver.take(path, class);
             driver.aside = Some((offset, 0));
             let strip = corridor::strip(&own, driver, 0.0);
-            if seen.start().has_levels() {
-                around.heights = corridor::heights(&seen.start().road(), &own, driver, 0.0);
-            }
+            around.heights = corridor::heights(seen.start(), &own, driver, 0.0);
             let view = View { strip: strip.as_ref(), heights: &around.heights, road: &road };
             intent.corridor = corridor::look(i, &own, driver, &self.actors, forecasts, &view, settings);
             intent.stop = None;
@@ -410,12 +393,8 @@ impl Traffic {
             (1..=steps).any(|k| {
                 let t = k as f64 * parameters.conflict.sample;
                 let sample = forecast.samples[if standing { 0 } else { k.min(forecast.samples.len() - 1) }];
-                let theirs = OrientedBox {
-                    center: sample.center,
-                    axis: sample.axis,
-                    half_length: other.half_length + 0.5 * parameters.conflict.sample * sample.speed.abs(),
-                    half_width: other.half_width,
-                };
+                let swept = 0.5 * parameters.conflict.sample * sample.speed.abs();
+                let theirs = other.box_at(sample.center, sample.axis, (swept, 0.0));
                 let ours = OrientedBox { center: own.pose.position + velocity * t, ..footprints[index] };
                 theirs.separation(&ours) < clearance
             })

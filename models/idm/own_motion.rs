@@ -132,12 +132,7 @@ impl<'a> OwnMotion<'a> {
         let s = self.arc(k);
         *self.boxes[k - 1].get_or_insert_with(|| {
             let point = self.path.point_at(s);
-            OrientedBox {
-                center: point.pose.position,
-                axis: point.axis,
-                half_length: self.own.half_length,
-                half_width: self.own.half_width,
-            }
+            self.own.box_at(point.pose.position, point.axis, (0.0, 0.0))
         })
     }
 }

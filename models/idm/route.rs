@@ -3,13 +3,13 @@
 use rand::RngExt;
 use reactsim_geometry::{Polyline, Vec2, direction, math, wrap};
 use reactsim_rollout::Stream;
+use reactsim_scene::dynamics::Pose;
 use reactsim_scene::{LaneClass, LaneHit, Road};
 
 /// Present motion of a vehicle, from which a route is chosen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
-    pub(super) position: Vec2,
-    pub(super) heading: f64,
+    pub(super) pose: Pose,
     /// Speed, m/s.
     pub(super) speed: f64,
     /// Curvature, 1/m.
@@ -67,12 +67,12 @@ pub(super) fn nearest_lane(road: &Road<'_>, p: Vec2, heading: f64, cyclist: bool
 /// the distance of the lanes from its positions at its present speed and curvature.
 pub(super) fn alternatives(road: &Road<'_>, motion: &Motion, cyclist: bool) -> Vec<(f64, Route)> {
     let mut hits = Vec::new();
-    road.lanes_near(motion.position, MAX_DISTANCE, &mut hits);
+    road.lanes_near(motion.pose.position, MAX_DISTANCE, &mut hits);
     let reach = MIN_BRANCH_DISTANCE.max(motion.speed * BRANCH_TIME);
     let mut found = Vec::new();
     for hit in &hits {
         let lane = road.lane(hit.lane);
-        let angle = wrap(lane.baseline.heading(hit.projection.segment) - motion.heading);
+        let angle = wrap(lane.baseline.heading(hit.projection.segment) - motion.pose.heading);
         if !usable(road, hit.lane, cyclist) || angle.abs() > MAX_ANGLE {
             continue;
         }
@@ -118,9 +118,9 @@ fn cost(road: &Road<'_>, route: &Route, motion: &Motion) -> f64 {
         // A turn does not last: the curvature counts for one second.
         let along = motion.speed * t;
         let turning = motion.speed * t.min(1.0);
-        let heading = motion.heading + motion.curvature * turning;
-        let middle = motion.heading + 0.5 * motion.curvature * turning;
-        let p = motion.position + direction(middle) * along;
+        let heading = motion.pose.heading + motion.curvature * turning;
+        let middle = motion.pose.heading + 0.5 * motion.curvature * turning;
+        let p = motion.pose.position + direction(middle) * along;
         let (mut best, mut angle) = (f64::INFINITY, 0.0);
         let mut from = route.s0;
         let mut passed = 0.0;

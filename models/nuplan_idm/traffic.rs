@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use reactsim_geometry::{OrientedBox, Vec2, heading_of, wrap};
-use reactsim_planning::from_scene::{ObjectIds, SceneRoads, ego_state_now, kind_of};
+use reactsim_geometry::{Vec2, wrap};
+use reactsim_planning::from_scene::{ObjectIds, SceneRoads, agent_object, ego_state_now};
 use reactsim_planning::idm_agents::{IdmAgents, Parameters, SeenEgo, Step};
 use reactsim_planning::planner::Light;
-use reactsim_planning::{EgoShape, ObjectKind, PlanningError, TrackedObject};
+use reactsim_planning::{EgoShape, PlanningError, TrackedObject};
 use reactsim_rollout::{Observation, PlanError, Planning};
 use reactsim_scene::{AgentKind, AgentState, DT, Frame, Start};
 
@@ -77,7 +77,8 @@ impl Traffic {
         let moved = self.observe(&seen);
         let roads = self.roads.as_ref();
         let roads = roads.map_err(|error| PlanError::Failed(format!("the map cannot be used: {error}")))?;
-        let obstacles = obstacles(seen.start(), &self.ids);
+        let obstacles: Vec<TrackedObject> =
+            self.ids.obstacles(seen.start()).filter(TrackedObject::is_finite).collect();
         let slots = usize::from(!moves_av)..self.states.len();
         let object = |slot| object(seen.start(), &self.ids, slot, self.states[slot]);
         let vehicles = if let Some(mut vehicles) = self.vehicles.take() {
@@ -163,28 +164,9 @@ impl Moving<'_> {
 /// Returns an agent as an object, its velocity NaN if unknown; `None` if it is absent or has no extent.
 fn object(start: &Start, ids: &ObjectIds, slot: usize, state: Frame) -> Option<TrackedObject> {
     let (agent, state) = (&start.agents[slot], state?);
-    agent.has_extent().then(|| TrackedObject {
-        id: ids.agent(slot).clone(),
-        kind: kind_of(agent.kind),
-        center: state.position(),
-        heading: wrap(state.heading),
-        length: agent.length,
-        width: agent.width,
-        velocity: Vec2::new(state.vx, state.vy),
-    })
-}
-
-fn obstacles(start: &Start, ids: &ObjectIds) -> Vec<TrackedObject> {
-    let object = |(i, obstacle): (usize, &OrientedBox)| TrackedObject {
-        id: ids.obstacle(i).clone(),
-        kind: ObjectKind::GenericObject,
-        center: obstacle.center,
-        heading: heading_of(obstacle.axis),
-        length: 2.0 * obstacle.half_length,
-        width: 2.0 * obstacle.half_width,
-        velocity: Vec2::zeros(),
-    };
-    start.obstacles.iter().enumerate().map(object).filter(TrackedObject::is_finite).collect()
+    let velocity = Vec2::new(state.vx, state.vy);
+    let wrapped = AgentState { heading: wrap(state.heading), ..state };
+    agent.has_extent().then(|| agent_object(ids.agent(slot), agent, &wrapped, velocity))
 }
 
 /// Returns the AV before each of the next steps: at present, its next state if that is known, and then at

@@ -24,7 +24,7 @@ use reactsim_scene::{AgentKind, Start};
 use serde::Deserialize;
 
 use self::memory::{EpisodeMemory, Vehicle};
-use self::motion::{Body, actions, keeps_limit};
+use self::motion::{Body, keeps_limit};
 use self::network::{ACTIONS, EGO, HIDDEN, Network, PARTNER, ROAD, Recurrent};
 use self::world::World;
 
@@ -59,7 +59,7 @@ struct ParkedCriteria {
 
 fn make(setup: Setup) -> Result<Controller, ModelError> {
     let parameters = setup.parameters()?;
-    setup.require_order("goal_nearest", "goal_farthest")?;
+    setup.parameters.require_order("goal_nearest", "goal_farthest")?;
     let device = device_of(setup.backend);
     let network = Network::init(&mut Initializer::blank(&device), &device);
     let network = setup.read_weights(|bytes| Tensors::read(bytes)?.load(network))?;
@@ -201,12 +201,11 @@ impl PufferDrive {
             drive.road.fill(body.pose.position, direction(body.pose.heading), road);
             world.fill(one.agent, goal, ego, partners);
         }
-        let flat = |values| TensorData::new(values, [n, EGO]);
         let table = |values, rows, width| {
             Tensor::<3>::from_data(TensorData::new(values, [n, rows, width]), &self.device)
         };
         let output = self.network.forward(
-            Tensor::from_data(flat(ego), &self.device),
+            Tensor::from_data(TensorData::new(ego, [n, EGO]), &self.device),
             table(road, road::ROWS, ROAD),
             table(partners, world::ROWS, PARTNER),
             states,
@@ -234,7 +233,7 @@ impl PufferDrive {
         }
         let vehicle = &episode.memory.get::<EpisodeMemory>()?.vehicles[one.vehicle];
         let (limit, length) = (vehicle.limit, vehicle.length);
-        let allowed: Vec<usize> = actions().filter(|&a| keeps_limit(a, body.speed, limit)).collect();
+        let allowed: Vec<usize> = (0..ACTIONS).filter(|&a| keeps_limit(a, body.speed, limit)).collect();
         let best =
             allowed.iter().copied().max_by(|&a, &b| logits[a].total_cmp(&logits[b]).then(b.cmp(&a)))?;
         let chosen = if self.parameters.greedy { best } else { draw(&allowed, logits, best, episode.stream) };

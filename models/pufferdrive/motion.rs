@@ -4,8 +4,6 @@ use reactsim_geometry::{Vec2, direction, math, wrap};
 use reactsim_scene::DT;
 use reactsim_scene::dynamics::Pose;
 
-use super::network::ACTIONS;
-
 /// Number of steering angles of the joint actions, from -1 to 1 rad.
 const STEERING: usize = 13;
 
@@ -18,7 +16,7 @@ pub(super) struct Body {
 }
 
 /// Returns the acceleration (m/s²) and the steering angle (rad) of a joint action.
-pub(super) fn action(index: usize) -> (f64, f64) {
+fn action(index: usize) -> (f64, f64) {
     let (acceleration, steering) = (index / STEERING, index % STEERING);
     (4.0 * (acceleration as f64 - 3.0) / 3.0, (steering as f64 - 6.0) / 6.0)
 }
@@ -27,11 +25,6 @@ pub(super) fn action(index: usize) -> (f64, f64) {
 pub(super) fn keeps_limit(index: usize, speed: f64, limit: f64) -> bool {
     let (acceleration, _) = action(index);
     acceleration <= 0.0 && speed <= limit || acceleration < 0.0 || speed + acceleration * DT <= limit
-}
-
-/// Returns all actions in order.
-pub(super) fn actions() -> std::ops::Range<usize> {
-    0..ACTIONS
 }
 
 impl Body {

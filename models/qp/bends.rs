@@ -9,7 +9,7 @@ use reactsim_geometry::{Polyline, Vec2, left};
 use reactsim_scene::dynamics::Pose;
 
 use super::path::{Path, STATIONS};
-use super::program::{CONTROLS, Controls, Pattern, Program, Quadratic, Solve};
+use super::program::{CONTROLS, Controls, Pattern, Program, Quadratic, Solve, unit};
 use super::settings::Settings;
 
 /// Stations at which the curvature is a control. At station 0 the curvature is given.
@@ -153,10 +153,7 @@ impl PathProgram {
                 row += 2;
             }
             programs += 1;
-            let solution = match cost.minimum() {
-                Some(free) => self.program.solve(&cost, &free),
-                None => self.program.solve_by_solver(&cost),
-            };
+            let solution = self.program.solve(&cost, cost.minimum());
             if solution.iterations > 0 {
                 outcome.1.push(solution.iterations);
             }
@@ -237,16 +234,15 @@ impl PathProgram {
     }
 
     fn bound(&mut self, limits: &Controls, spacing: f64, start: f64, scale: f64, speed: f64) {
-        let one = |i: usize| -> Controls { std::array::from_fn(|c| if c == i { 1.0 } else { 0.0 }) };
         for (i, &limit) in limits.iter().enumerate() {
-            self.program.set(2 * i, &one(i), limit / scale);
-            self.program.set(2 * i + 1, &one(i).map(|x| -x), limit / scale);
+            self.program.set(2 * i, &unit(i), limit / scale);
+            self.program.set(2 * i + 1, &unit(i).map(|x| -x), limit / scale);
         }
         let rate = curvature_rate(speed);
         let mut before = 0;
         for (i, &knot) in KNOTS.iter().enumerate() {
             let max_change = rate * spacing * (knot - before) as f64 / scale;
-            let mut change = one(i);
+            let mut change = unit(i);
             let from = if i == 0 { start / scale } else { 0.0 };
             if i > 0 {
                 change[i - 1] = -1.0;

@@ -2,62 +2,40 @@
 
 use std::collections::BTreeMap;
 
+use reactsim_scene::named_enum;
+
 use super::program::Solve;
 
-/// Outcome of the plan of one vehicle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Ending {
-    /// The vehicle stands and its most probable mode stays there: nothing was solved.
-    Standing,
-    /// Every program had its unconstrained minimum within all bounds: the solver was not needed.
-    ClosedForm,
-    /// The solver was needed, and solved to its full tolerance.
-    Solved,
-    /// The solver was needed, and stopped at its reduced tolerance.
-    AlmostSolved,
-    /// A less probable mode was chosen: the most probable one could not be kept clear.
-    OtherMode,
-    /// No mode could be kept clear; the one with the smallest violation was chosen.
-    HighSlack,
-    /// No mode was usable, the solver failed, or braking violates less: the vehicle brakes as hard as
-    /// it can along the path.
-    Braking,
-    /// The proposed motion is executed as it is: it leaves a safe way out.
-    AsProposed,
-    /// The vehicle reverses or its mode leads backwards: it follows the mode within the limits, without
-    /// a program.
-    Backwards,
+named_enum! {
+    name;
+
+    /// Outcome of the plan of one vehicle.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Ending {
+        /// The vehicle stands and its most probable mode stays there: nothing was solved.
+        Standing = "qp-standing",
+        /// Every program had its unconstrained minimum within all bounds: the solver was not needed.
+        ClosedForm = "qp-closed-form",
+        /// The solver was needed, and solved to its full tolerance.
+        Solved = "qp-solved",
+        /// The solver was needed, and stopped at its reduced tolerance.
+        AlmostSolved = "qp-almost-solved",
+        /// A less probable mode was chosen: the most probable one could not be kept clear.
+        OtherMode = "qp-fallback-mode",
+        /// No mode could be kept clear; the one with the smallest violation was chosen.
+        HighSlack = "qp-high-slack",
+        /// No mode was usable, the solver failed, or braking violates less: the vehicle brakes as hard as
+        /// it can along the path.
+        Braking = "qp-fallback-braking",
+        /// The proposed motion is executed as it is: it leaves a safe way out.
+        AsProposed = "qp-as-proposed",
+        /// The vehicle reverses or its mode leads backwards: it follows the mode within the limits, without
+        /// a program.
+        Backwards = "qp-backwards",
+    }
 }
 
 impl Ending {
-    /// All endings.
-    pub const ALL: [Self; 9] = [
-        Self::Standing,
-        Self::ClosedForm,
-        Self::Solved,
-        Self::AlmostSolved,
-        Self::OtherMode,
-        Self::HighSlack,
-        Self::Braking,
-        Self::AsProposed,
-        Self::Backwards,
-    ];
-
-    /// Returns the id used in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Standing => "qp-standing",
-            Self::ClosedForm => "qp-closed-form",
-            Self::Solved => "qp-solved",
-            Self::AlmostSolved => "qp-almost-solved",
-            Self::OtherMode => "qp-fallback-mode",
-            Self::HighSlack => "qp-high-slack",
-            Self::Braking => "qp-fallback-braking",
-            Self::AsProposed => "qp-as-proposed",
-            Self::Backwards => "qp-backwards",
-        }
-    }
-
     pub(super) fn of(solve: Solve) -> Self {
         match solve {
             Solve::ClosedForm => Self::ClosedForm,

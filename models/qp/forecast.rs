@@ -128,9 +128,9 @@ impl<'a> AvMotion<'a> {
         };
         let direction_of_motion = if self.reverses() { -1.0 } else { 1.0 };
         let mut speed = forward(&last).abs();
-        let mut poses = [Pose { position: now.position(), heading: now.heading }; STEPS + 1];
+        let mut poses = [Pose::from(now); STEPS + 1];
         let mut speeds = [forward(&now); STEPS + 1];
-        let mut pose = Pose { position: last.position(), heading: last.heading };
+        let mut pose = Pose::from(last);
         let mut distance = 0.0;
         for k in first..=STEPS {
             if k == 0 {
@@ -208,9 +208,7 @@ pub(super) fn curvature(track: &[Frame], frames: usize, least: f64) -> Option<f6
 
 /// Returns the obstacle of an agent whose poses after every step are known.
 pub(super) fn known_obstacle(agent: &Agent, now: &AgentState, poses: impl Fn(usize) -> Pose) -> Obstacle {
-    let at = |k: usize| {
-        if k == 0 { Pose { position: now.position(), heading: now.heading } } else { poses(k - 1) }
-    };
+    let at = |k: usize| if k == 0 { Pose::from(*now) } else { poses(k - 1) };
     let boxes = std::array::from_fn(|time| {
         let pose = at(step_of(time));
         OrientedBox::new(pose.position, pose.heading, agent.length, agent.width)
@@ -230,7 +228,7 @@ pub(super) fn continued_poses(now: &AgentState, planned: &[AgentState]) -> [Pose
         n => (last.position() - now.position()) / (DT * n as f64),
     };
     std::array::from_fn(|k| match planned.get(k) {
-        Some(s) => Pose { position: s.position(), heading: s.heading },
+        Some(state) => Pose::from(*state),
         None => Pose {
             position: last.position() + velocity * (DT * (k + 1 - planned.len()) as f64),
             heading: last.heading,

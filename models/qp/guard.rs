@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 
 use self::course::{Change, Course, Shift};
 use self::maneuver::cheapest;
-use self::meeting::Clearances;
 pub(super) use self::proposal::Proposal;
 use super::forecast::AvForecast;
 use super::mode::Mode;
@@ -83,7 +82,7 @@ impl GuardSettings {
             false => cheapest(self, vehicle, proposal, around),
         };
         match maneuver {
-            Some(points) => Decision::Maneuver(maneuver::mode(points)),
+            Some(mode) => Decision::Maneuver(mode),
             None if proposal.stays_on_road(vehicle) => Decision::AsProposed,
             None => Decision::AlongProposal,
         }
@@ -97,7 +96,6 @@ impl GuardSettings {
         proposal: &Proposal<'_>,
         around: Surroundings<'_>,
     ) -> bool {
-        let clearances = Clearances::of(self);
         let after = |change| Course::of(vehicle, proposal, Shift::NONE, change);
         let ways_out = [
             after(Change::AsProposed),
@@ -105,15 +103,12 @@ impl GuardSettings {
             after(Change::AfterCommitted(self.accelerate)),
         ];
         let open = ways_out.map(|way| {
-            let clear = around.others.iter().all(|o| clearances.first_meeting(&way, o).is_none());
+            let clear = around.others.iter().all(|o| self.first_meeting(&way, o).is_none());
             clear.then_some(way)
         });
         let mut open = open.iter().flatten().peekable();
         open.peek().is_some()
-            && around
-                .av
-                .iter()
-                .all(|(_, av)| open.clone().any(|way| clearances.first_meeting(way, av).is_none()))
+            && around.av.iter().all(|(_, av)| open.clone().any(|way| self.first_meeting(way, av).is_none()))
     }
 
     fn weight(&self, forecast: AvForecast) -> f64 {

@@ -101,9 +101,17 @@ pub(super) struct Extent {
     pub(super) width: f64,
 }
 
+impl Extent {
+    /// Returns the box with this centre and this unit vector along its length.
+    pub(super) fn at(self, center: Vec2, axis: Vec2) -> OrientedBox {
+        OrientedBox { center, axis, half_length: self.length, half_width: self.width }
+    }
+}
+
 /// Returns the part of a path that an obstacle occupies at each time.
-pub(super) fn spans(path: &Path, me: Extent, obstacle: &Obstacle, side: f64) -> [Option<Span>; TIMES] {
+pub(super) fn spans(path: &Path, me: Extent, obstacle: &Obstacle) -> [Option<Span>; TIMES] {
     let mut spans = [None; TIMES];
+    let side = obstacle.side;
     let reach = me.length + me.width + side;
     let mut near = Bounds::EMPTY;
     for station in &path.stations {

@@ -1,6 +1,6 @@
 //! A vehicle that is to be planned.
 
-use reactsim_geometry::{OrientedBox, Vec2};
+use reactsim_geometry::Vec2;
 use reactsim_scene::Road;
 use reactsim_scene::dynamics::VehicleMotion;
 
@@ -25,8 +25,6 @@ impl PlannedVehicle<'_> {
     /// Returns the corners of its box at a centre and a heading (unit vector), metres; none if they may leave the
     /// road.
     pub(super) fn kept_corners(&self, centre: Vec2, axis: Vec2) -> impl Iterator<Item = Vec2> + use<> {
-        let Extent { length, width } = self.extent;
-        let around = OrientedBox { center: centre, axis, half_length: length, half_width: width };
-        self.keeps_corners.then(|| around.corners()).into_iter().flatten()
+        self.keeps_corners.then(|| self.extent.at(centre, axis).corners()).into_iter().flatten()
     }
 }

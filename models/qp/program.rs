@@ -20,6 +20,11 @@ pub(super) const CONTROLS: usize = 10;
 /// One number per control: a row of coefficients, or the values of the controls.
 pub(super) type Controls = [f64; CONTROLS];
 
+/// Returns the row that has the value of one control.
+pub(super) fn unit(control: usize) -> Controls {
+    std::array::from_fn(|c| if c == control { 1.0 } else { 0.0 })
+}
+
 /// Value of an absent bound; the numbers of the programs are much smaller.
 const NO_BOUND: f64 = 1e3;
 
@@ -201,20 +206,16 @@ impl Program {
     }
 
     /// Returns whether controls satisfy every row without slack.
-    pub(super) fn satisfies(&self, controls: &Controls) -> bool {
+    fn satisfies(&self, controls: &Controls) -> bool {
         (0..self.patterns.len()).all(|row| self.excess(row, controls) <= 1e-9)
     }
 
-    /// Minimises a cost subject to the rows; `free` is its unconstrained minimum.
-    pub(super) fn solve(&mut self, cost: &Quadratic, free: &Controls) -> Solution {
-        if self.satisfies(free) {
-            return Solution { controls: *free, solve: Solve::ClosedForm, iterations: 0 };
+    /// Minimises a cost subject to the rows; `free` is its unconstrained minimum, without which the solver
+    /// is always used.
+    pub(super) fn solve(&mut self, cost: &Quadratic, free: Option<Controls>) -> Solution {
+        if let Some(controls) = free.filter(|free| self.satisfies(free)) {
+            return Solution { controls, solve: Solve::ClosedForm, iterations: 0 };
         }
-        self.solve_by_solver(cost)
-    }
-
-    /// Minimises as [`Self::solve`] does, but always with the solver.
-    pub(super) fn solve_by_solver(&mut self, cost: &Quadratic) -> Solution {
         let mut k = 0;
         for c in 0..CONTROLS {
             for r in 0..=c {
@@ -308,8 +309,7 @@ mod tests {
     fn cost(entries: &[f64]) -> Quadratic {
         let mut cost = Quadratic::ZERO;
         for i in 0..CONTROLS {
-            let one: Controls = std::array::from_fn(|c| if c == i { 1.0 } else { 0.0 });
-            cost.add(&one, 0.0, 0.5);
+            cost.add(&unit(i), 0.0, 0.5);
         }
         for chunk in entries.chunks(LIVE + 1) {
             let row: Controls = std::array::from_fn(|c| if c < LIVE { chunk[c] } else { 0.0 });
@@ -335,7 +335,7 @@ mod tests {
             for (i, (values, bound)) in rows.iter().enumerate() {
                 program.set(i, values, *bound);
             }
-            let solution = program.solve(&cost, &cost.minimum().unwrap());
+            let solution = program.solve(&cost, cost.minimum());
             match by_brute_force(&cost, &rows) {
                 Some((_, x)) => {
                     prop_assert!(solution.solve <= Solve::AlmostSolved, "{solution:?}");
@@ -350,7 +350,7 @@ mod tests {
             for (i, (values, bound)) in rows.iter().enumerate() {
                 again.set(i, values, *bound);
             }
-            let (first, second) = (program.solve_by_solver(&cost), again.solve_by_solver(&cost));
+            let (first, second) = (program.solve(&cost, None), again.solve(&cost, None));
             prop_assert_eq!(first.controls.map(f64::to_bits), second.controls.map(f64::to_bits));
         }
     }
@@ -360,11 +360,10 @@ mod tests {
         let patterns =
             vec![Pattern { controls: 0..1, slack: None }, Pattern { controls: 0..1, slack: Some(0) }];
         let mut program = Program::new(patterns, vec![100.0]).unwrap();
-        let one: Controls = std::array::from_fn(|c| if c == 0 { 1.0 } else { 0.0 });
-        program.set(0, &one.map(|x| -x), -2.0);
-        program.set(1, &one, 1.0);
+        program.set(0, &unit(0).map(|x| -x), -2.0);
+        program.set(1, &unit(0), 1.0);
         let cost = cost(&[1.0, 0.0, 0.0, 5.0]);
-        let solution = program.solve(&cost, &cost.minimum().unwrap());
+        let solution = program.solve(&cost, cost.minimum());
         assert!(
             solution.solve <= Solve::AlmostSolved && (solution.controls[0] - 2.0).abs() < 1e-3,
             "{solution:?}"

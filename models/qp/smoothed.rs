@@ -4,20 +4,24 @@ use reactsim_baseline::{ModelError, Setup};
 use reactsim_rollout::{
     Beginning, Continuation, Controller, Episode, JointPlan, Memory, PlanError, Simulator,
 };
-use reactsim_scene::AgentState;
+use reactsim_scene::{AgentState, named_enum};
 
 use super::guard::GuardSettings;
 use super::settings::Settings;
 use super::stage::{Intent, KeepClear, Stage, is_planned, mode_of};
 
-/// Variants of the stage that can follow a simulator; `--smooth` and simulator ids name them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Smoothing {
-    /// The full stage.
-    Full,
-    /// Without clearance to other agents, to measure the effect of smoothness, limits and the road
-    /// alone.
-    WithoutOthers,
+named_enum! {
+    name, from_name;
+
+    /// Variants of the stage that can follow a simulator; `--smooth` and simulator ids name them.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Smoothing {
+        /// The full stage.
+        Full = "qp",
+        /// Without clearance to other agents, to measure the effect of smoothness, limits and the road
+        /// alone.
+        WithoutOthers = "qp-alone",
+    }
 }
 
 /// Text of the card of the stage.
@@ -30,22 +34,6 @@ const ID: &str = "qp";
 pub const REFUSED: &str = "the solver refuses the programs of the stage `qp`";
 
 impl Smoothing {
-    /// All variants.
-    pub const ALL: [Self; 2] = [Self::Full, Self::WithoutOthers];
-
-    /// Returns the name: `qp` or `qp-alone`.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Full => "qp",
-            Self::WithoutOthers => "qp-alone",
-        }
-    }
-
-    /// Returns the variant of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|s| s.name() == name)
-    }
-
     /// Returns the id of a simulator followed by this stage.
     pub fn id(self, simulator: &str) -> String {
         format!("{simulator}+{}", self.name())
@@ -115,7 +103,7 @@ struct EpisodeMemory {
 impl Smoothed {
     /// Puts the memory of the inner simulator together with a new stage.
     fn add_stage(&self, memory: &mut Memory) {
-        let inner = std::mem::replace(memory, Memory::NONE);
+        let inner = std::mem::take(memory);
         let stage = match self.follow {
             Follow::Plans(keep_clear) => Stage::new(&self.settings, keep_clear),
             Follow::Guarded(guard) => Stage::guarded(&self.settings, guard),
@@ -134,7 +122,7 @@ impl Simulator for Smoothed {
     fn continue_batch(&self, batch: &mut [Continuation<'_>]) -> Result<(), PlanError> {
         for episode in batch.iter_mut() {
             let before = episode.before.take::<EpisodeMemory>();
-            episode.before = before.map_or(Memory::NONE, |memory| memory.inner);
+            episode.before = before.map(|memory| memory.inner).unwrap_or_default();
         }
         self.inner.continue_batch(batch)?;
         batch.iter_mut().for_each(|episode| self.add_stage(&mut episode.beginning.memory));

@@ -7,7 +7,7 @@
 
 use reactsim_scene::DT;
 
-use super::program::{CONTROLS, Controls, Factor, Pattern, Program, Quadratic, Solution};
+use super::program::{CONTROLS, Controls, Factor, Pattern, Program, Quadratic, Solution, unit};
 use super::settings::Settings;
 
 /// Number of planned steps: 5 s.
@@ -153,26 +153,13 @@ impl SpeedProgram {
     pub(super) fn solve(&mut self, problem: &SpeedProblem<'_>) -> (Solution, [f64; STEPS]) {
         let (cost, free) = self.cost(problem);
         self.bound(problem);
-        let solution = match free {
-            Some(free) => self.program.solve(&cost, &free),
-            None => self.program.solve_by_solver(&cost),
-        };
-        let steps = self.accelerations.map(|row| dot(&row, &solution.controls));
-        (solution, steps)
-    }
-
-    /// Solves as [`Self::solve`] does, but always with the solver.
-    #[cfg(test)]
-    pub(super) fn solve_by_solver(&mut self, problem: &SpeedProblem<'_>) -> (Solution, [f64; STEPS]) {
-        let (cost, _) = self.cost(problem);
-        self.bound(problem);
-        let solution = self.program.solve_by_solver(&cost);
+        let solution = self.program.solve(&cost, free);
         let steps = self.accelerations.map(|row| dot(&row, &solution.controls));
         (solution, steps)
     }
 
     /// Returns the cost and its minimiser.
-    pub(super) fn cost(&self, problem: &SpeedProblem<'_>) -> (Quadratic, Option<Controls>) {
+    fn cost(&self, problem: &SpeedProblem<'_>) -> (Quadratic, Option<Controls>) {
         let mut cost = self.comfort.clone();
         let share = 1.0 / STEPS as f64;
         // The first jerk is relative to the present acceleration.
@@ -213,12 +200,11 @@ impl SpeedProgram {
             row += 1;
         };
         for i in 0..CONTROLS {
-            let one: Controls = std::array::from_fn(|c| if c == i { 1.0 } else { 0.0 });
-            put(&one, self.limit);
-            put(&one.map(|x| -x), self.limit);
+            put(&unit(i), self.limit);
+            put(&unit(i).map(|x| -x), self.limit);
         }
         for i in 0..JERK_BOUNDS {
-            let mut change: Controls = std::array::from_fn(|c| if c == i { 1.0 } else { 0.0 });
+            let mut change = unit(i);
             let (from, steps) = if i == 0 {
                 (last, 1)
             } else {
@@ -315,7 +301,9 @@ mod tests {
                 };
                 let (solution, closed) = speeds.solve(&problem);
                 assert_eq!((solution.solve, solution.iterations), (Solve::ClosedForm, 0));
-                let (solution, solved) = speeds.solve_by_solver(&problem);
+                let (cost, _) = speeds.cost(&problem);
+                let solution = speeds.program.solve(&cost, None);
+                let solved = speeds.accelerations.map(|row| dot(&row, &solution.controls));
                 assert!(solution.iterations > 0 && solution.solve == Solve::Solved, "{solution:?}");
                 for (a, b) in distances(speed, &closed).iter().zip(distances(speed, &solved)) {
                     assert!((a - b).abs() < 1e-3, "{a} and {b} m");

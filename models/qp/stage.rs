@@ -1,6 +1,6 @@
 //! Planning of all vehicles at one replan, those nearest to the AV first.
 
-use reactsim_geometry::{Bounds, OrientedBox, direction, math};
+use reactsim_geometry::{Bounds, OrientedBox, direction, heading_of};
 use reactsim_rollout::Observation;
 use reactsim_scene::dynamics::{Pose, REAR_AXLE, STANDSTILL_SPEED, VehicleMotion};
 use reactsim_scene::{Agent, AgentKind, AgentState, Road};
@@ -282,10 +282,9 @@ impl Stage {
     fn planned_vehicle<'a>(
         &self,
         seen: &Observation<'a>,
-        &Waiting { slot, height, .. }: &Waiting<'_>,
+        &Waiting { slot, agent, height, .. }: &Waiting<'_>,
         now: VehicleMotion,
     ) -> PlannedVehicle<'a> {
-        let agent = &seen.start().agents[slot];
         // Vehicles driven here move smoothly; the headings of logs jitter.
         let driven = seen.step() >= DRIVEN_FRAMES;
         let frames = if driven { DRIVEN_FRAMES } else { LOGGED_FRAMES };
@@ -336,7 +335,7 @@ fn static_boxes(
     let start = seen.start();
     let obstacles = start.obstacles.iter().enumerate();
     let mut boxes: Vec<(OrientedBox, f64)> = obstacles.map(|(i, b)| (*b, start.obstacle_height(i))).collect();
-    for (slot, (agent, intent)) in seen.start().agents.iter().zip(intents).enumerate() {
+    for (slot, (agent, intent)) in start.agents.iter().zip(intents).enumerate() {
         let Some(now) = seen.state(slot) else { continue };
         let still = now.velocity().is_none_or(|v| v.norm() < STANDSTILL_SPEED);
         let ends_here =
@@ -391,7 +390,7 @@ fn obstacle_of_mode(agent: &Agent, now: &AgentState, mode: &Mode) -> Obstacle {
         .map(|position| {
             let step = position - before;
             if step.norm() > 0.1 {
-                heading = math::atan2(step.y, step.x);
+                heading = heading_of(step);
             }
             before = position;
             Pose { position, heading }

@@ -1,6 +1,6 @@
 //! Planning of one vehicle: a path and the speed along it for each of its modes, until one is clear.
 
-use reactsim_geometry::{OrientedBox, Vec2, direction};
+use reactsim_geometry::{Vec2, direction};
 use reactsim_scene::DT;
 use reactsim_scene::dynamics::{MotionLimits, Pose, STANDSTILL_SPEED, Tracker, VehicleMotion};
 
@@ -8,7 +8,7 @@ use super::bends::{PathProblem, PathProgram};
 use super::drive::drive;
 use super::ending::{Ending, Endings};
 use super::mode::{Mode, Reference};
-use super::obstacle::{Extent, Obstacle, Span, TIMES, spans, step_of};
+use super::obstacle::{Obstacle, Span, TIMES, spans, step_of};
 use super::path::Path;
 use super::planned_vehicle::PlannedVehicle;
 use super::program::Solve;
@@ -79,7 +79,7 @@ impl Planner {
             now: VehicleMotion { speed: vehicle.now.speed.abs(), ..vehicle.now },
             ..*vehicle
         };
-        let mut best: Option<(Attempt, usize)> = None;
+        let mut best: Option<Attempt> = None;
         for (i, mode) in modes.iter().enumerate() {
             let Some(attempt) = self.attempt(vehicle, mode, obstacles) else { continue };
             let clear = attempt.excess <= self.settings.low_slack && attempt.solve != Solve::Failed;
@@ -88,11 +88,11 @@ impl Planner {
                 self.endings.count(ending);
                 return attempt.moves;
             }
-            if best.as_ref().is_none_or(|(b, _)| attempt.excess < b.excess - 0.1) {
-                best = Some((attempt, i));
+            if best.as_ref().is_none_or(|b| attempt.excess < b.excess - 0.1) {
+                best = Some(attempt);
             }
         }
-        let Some((attempt, _)) = best else {
+        let Some(attempt) = best else {
             self.endings.count(Ending::Braking);
             return self.brake(vehicle, &straight(vehicle));
         };
@@ -138,12 +138,8 @@ impl Planner {
         self.tracker.set_limits(limits);
         let mut moves = Vec::with_capacity(STEPS);
         self.tracker.track(vehicle.now, &poses, &mut moves);
-        let footprint = |pose: Pose| {
-            let Extent { length, width } = vehicle.extent;
-            OrientedBox::new(pose.position, pose.heading, 2.0 * length, 2.0 * width)
-        };
         let hits = |time: usize, pose: Pose| {
-            let mine = footprint(pose);
+            let mine = vehicle.extent.at(pose.position, direction(pose.heading));
             obstacles.iter().any(|o| {
                 let b = &o.boxes[time];
                 (b.center - mine.center).norm() < b.radius() + mine.radius() && b.separation(&mine) < 0.3
@@ -200,7 +196,7 @@ impl Planner {
         }
         let mut all = Vec::new();
         for obstacle in obstacles {
-            let occupied = spans(&path, vehicle.extent, obstacle, obstacle.side);
+            let occupied = spans(&path, vehicle.extent, obstacle);
             if bounds.keep_clear(vehicle, obstacle, &occupied, &desired, settings) {
                 all.push(occupied);
             }

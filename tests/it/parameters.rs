@@ -40,7 +40,7 @@ fn paths(table: &Table) -> Vec<String> {
 
 /// Returns the ranges of a setup.
 fn ranges(setup: &Setup) -> Vec<(String, ParameterRange)> {
-    setup.ranges().unwrap().into_iter().map(|(key, _, range)| (key, range.clone())).collect()
+    setup.parameters.ranges().unwrap().into_iter().map(|(key, _, range)| (key, range.clone())).collect()
 }
 
 #[test]
@@ -53,7 +53,7 @@ fn every_parameter_has_a_range_that_holds_its_value() {
         let ranges = Ranges::read(id, text).unwrap();
         let entries: BTreeSet<String> = ranges.keys().map(str::to_owned).collect();
         assert_eq!(parameters, entries, "{id}: the parameters and the entries of the ranges differ");
-        for (key, value, range) in setup.ranges().unwrap() {
+        for (key, value, range) in setup.parameters.ranges().unwrap() {
             assert!(range.allowed.contains(value), "{id}: {key} is {value}, not {range}");
             assert!(!range.unit.trim().is_empty(), "{id}: {key} has no unit");
             assert!(range.about.ends_with('.') && range.about.len() < 80, "{id}: {key}: {}", range.about);
@@ -71,7 +71,7 @@ fn values_are_accepted_if_they_are_within_the_range() {
         for (key, range) in ranges(&fresh) {
             for value in values(&range.allowed, &format!("{} {key}", model.id)) {
                 let mut setup = fresh.clone();
-                match setup.set(&key, &value) {
+                match setup.parameters.set(&key, &value) {
                     Ok(_) => {
                         assert!(accepts(&range.allowed, &value), "{}: {key}={value} is accepted", model.id);
                         setup.parameters::<Table>().unwrap();
@@ -112,7 +112,7 @@ fn build(model: &Baseline, mut setup: Setup, kept: &[&str]) -> Controller {
             Err(ModelError::Order { lower, upper, .. }) => {
                 let (key, last) = if kept.contains(&lower) { (upper, true) } else { (lower, false) };
                 let bound = of(&setup, key, last);
-                setup.set(key, &bound).unwrap();
+                setup.parameters.set(key, &bound).unwrap();
             }
             Err(error) => panic!("{}: {error}", model.id),
         }
@@ -148,7 +148,7 @@ fn rules_drive_at_every_bound() {
         for (key, range) in ranges(&fresh) {
             for value in bounds(&range.allowed) {
                 let mut setup = fresh.clone();
-                setup.set(&key, &value).unwrap();
+                setup.parameters.set(&key, &value).unwrap();
                 let controller = build(model, setup, &[&key]);
                 drive(&scenarios, &controller).unwrap_or_else(|e| panic!("{}: {key}={value}: {e}", model.id));
             }
@@ -163,7 +163,7 @@ fn networks_are_built_at_every_bound() {
         for (key, range) in ranges(&fresh) {
             for value in bounds(&range.allowed) {
                 let mut setup = fresh.clone();
-                setup.set(&key, &value).unwrap();
+                setup.parameters.set(&key, &value).unwrap();
                 build(model, setup, &[&key]);
             }
         }
@@ -186,7 +186,7 @@ fn drive_drawn_settings(count: u64) {
                     }
                     _ => bounds[rng.random_range(0..bounds.len())].clone(),
                 };
-                setup.set(&key, &value).unwrap();
+                setup.parameters.set(&key, &value).unwrap();
             }
             let controller = build(model, setup, &[]);
             drive(&scenarios, &controller).unwrap_or_else(|e| panic!("{}, seed {seed}: {e}", model.id));
@@ -227,7 +227,7 @@ fn parameters_that_do_not_fit_together_are_named() {
     ] {
         let model = find(id).unwrap();
         let mut setup = setup(model);
-        setup.set(key, value).unwrap();
+        setup.parameters.set(key, value).unwrap();
         let Err(error) = (model.make)(setup) else { panic!("{key}={value} is accepted") };
         assert!(error.to_string().contains(text), "{error}");
     }

@@ -65,7 +65,7 @@ fn simulator(changes: &[(&str, &str)]) -> Controller {
     let mut setup = model.setup().unwrap();
     setup.weights = untrained(model.id);
     for (key, value) in changes {
-        setup.set(key, value).unwrap();
+        setup.parameters.set(key, value).unwrap();
     }
     (model.make)(setup).unwrap()
 }

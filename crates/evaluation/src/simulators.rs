@@ -294,7 +294,7 @@ impl PlannedSimulator {
         }
         let mut parameters = BTreeMap::new();
         for (key, value) in values {
-            parameters.insert(key.to_owned(), setup.set(key, value)?);
+            parameters.insert(key.to_owned(), setup.parameters.set(key, value)?);
         }
         if let Some(file) = ids.iter().rev().find_map(|id| changes.weights.get(id)) {
             if !baseline.needs_weights {

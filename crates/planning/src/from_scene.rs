@@ -11,6 +11,8 @@ mod objects;
 mod pieces;
 mod roadblocks;
 mod route;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -26,7 +28,7 @@ pub use ego::{ego_state_now, ego_states, ego_states_until_now};
 pub(crate) use lights::LightLanes;
 pub use map::{planning_lanes, planning_map};
 pub(crate) use objects::{Differences, ObjectFrame};
-pub use objects::{ObjectIds, kind_of, rollout_objects};
+pub use objects::{ObjectIds, agent_object, rollout_objects};
 pub use route::{RouteEnd, logged_route, route_end};
 
 /// Slot of the AV among the agents of a scenario.

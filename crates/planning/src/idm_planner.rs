@@ -92,8 +92,7 @@ impl RoutePlan {
     /// if that is larger.
     fn find(input: &PlannerInput<'_>) -> Result<Self, PlanningError> {
         let (map, blocks) = (input.map, input.route.roadblocks());
-        let on_route: BTreeSet<usize> =
-            blocks.iter().flat_map(|&block| map.lanes_of_roadblock(block)).copied().collect();
+        let on_route: BTreeSet<usize> = input.route.lanes(map).into_iter().collect();
         let start = starting_lane(input).ok_or_else(|| no_lanes(blocks.len()))?;
         let lanes = lane_sequence(map, start, blocks, &on_route);
         let states: Vec<Pose> =

@@ -13,7 +13,6 @@ mod driven_lanes;
 mod driving_direction;
 mod history;
 mod matched_lanes;
-mod mean_speed;
 mod progress;
 mod sample;
 mod savitzky_golay;

@@ -343,8 +343,7 @@ fn regroup<S: Deref<Target = Scenario>>(
     if changed.is_empty() {
         return;
     }
-    let before: Vec<Memory> =
-        changed.iter_mut().map(|r| std::mem::replace(&mut r.memory, Memory::NONE)).collect();
+    let before: Vec<Memory> = changed.iter_mut().map(|r| std::mem::take(&mut r.memory)).collect();
     let parts = changed.iter().zip(before).zip(&kept);
     let mut batch: Vec<Continuation<'_>> = parts
         .map(|((rollout, before), kept)| Continuation {
@@ -365,8 +364,7 @@ fn regroup<S: Deref<Target = Scenario>>(
 
 fn end_episodes<S>(running: &mut [ScenarioRollout<'_, S>], controller: &Controller) {
     if let Controller::Fair(simulator) = controller {
-        simulator
-            .end_batch(running.iter_mut().map(|r| std::mem::replace(&mut r.memory, Memory::NONE)).collect());
+        simulator.end_batch(running.iter_mut().map(|r| std::mem::take(&mut r.memory)).collect());
     }
 }
 

@@ -15,7 +15,7 @@ use super::track_heights::TrackHeights;
 use road_ends::RoadEnds;
 
 named_enum! {
-    name;
+    name, from_name;
 
     /// Whether agents of the log that appear after the current frame enter a rollout.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,8 +39,7 @@ impl FromStr for Entering {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|entering| entering.name() == name);
-        found.ok_or_else(|| "expected off or log".to_owned())
+        Self::from_name(name).ok_or_else(|| "expected off or log".to_owned())
     }
 }
 

@@ -9,6 +9,7 @@ use reactsim_scene::{Frame, HISTORY, Scenario, Start};
 use super::{Observation, Stream};
 
 /// Data that a simulator keeps between the plans of one episode, such as routes and caches.
+#[derive(Default)]
 pub struct Memory(Option<Box<dyn Any + Send>>);
 
 impl Memory {
@@ -179,7 +180,7 @@ pub struct Continuation<'a> {
 impl Continuation<'_> {
     /// Takes the memories of the episodes that are continued.
     pub fn take_memories(batch: &mut [Self]) -> Vec<Memory> {
-        batch.iter_mut().map(|c| std::mem::replace(&mut c.before, Memory::NONE)).collect()
+        batch.iter_mut().map(|c| std::mem::take(&mut c.before)).collect()
     }
 
     /// Begins the episodes anew by a function that fills in their memories.

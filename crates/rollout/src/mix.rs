@@ -82,6 +82,12 @@ impl Mix {
     }
 }
 
+/// Returns the beginning of an episode for a member.
+fn again<'a>(beginning: &Beginning<'a>, simulator: &dyn Simulator) -> Beginning<'a> {
+    let identity = beginning.identity.filter(|_| simulator.wants_identity());
+    Beginning { identity, ..beginning.again() }
+}
+
 impl Simulator for Mix {
     fn begin_batch(&self, batch: &mut [Beginning<'_>]) -> Result<(), PlanError> {
         let memory = |episode: &Beginning<'_>| {
@@ -91,13 +97,8 @@ impl Simulator for Mix {
         let mut memories: Vec<EpisodeMemory> = batch.iter().map(memory).collect();
         let mut begun = Ok(());
         for MixMember { simulator, .. } in &self.members {
-            let mut own: Vec<Beginning<'_>> = Vec::with_capacity(batch.len());
-            for episode in batch.iter() {
-                own.push(Beginning {
-                    identity: episode.identity.filter(|_| simulator.wants_identity()),
-                    ..episode.again()
-                });
-            }
+            let mut own: Vec<Beginning<'_>> =
+                batch.iter().map(|episode| again(episode, simulator.as_ref())).collect();
             // Memories are given back to all members, even if one cannot begin.
             begun = begun.and(simulator.begin_batch(&mut own));
             for (all, own) in memories.iter_mut().zip(own) {
@@ -134,10 +135,7 @@ impl Simulator for Mix {
                 .map(|(episode, before)| Continuation {
                     before,
                     kept: episode.kept,
-                    beginning: Beginning {
-                        identity: episode.beginning.identity.filter(|_| simulator.wants_identity()),
-                        ..episode.beginning.again()
-                    },
+                    beginning: again(&episode.beginning, simulator.as_ref()),
                 })
                 .collect();
             continued = continued.and(simulator.continue_batch(&mut own));

@@ -72,9 +72,10 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
         // Those that are for another length of history observe a view from the beginning.
         let view = |history: Option<usize>| {
             let history = history.filter(|frames| *frames != length.history)?;
-            Some(View::new(&scenario, None, &tracks, &lights, history))
+            Some(View::new(&scenario, None, &tracks, &lights, history, 0))
         };
-        let (av_view, view) = (view(av.as_ref().and_then(|av| av.history())), view(history_of(controller)));
+        let of_av = av.as_ref().and_then(|av| av.history());
+        let (av_view, view) = (view(of_av), view(fair(controller).and_then(|s| s.history())));
         Self {
             tracks,
             lights,
@@ -173,17 +174,19 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     /// those that entered.
     pub(crate) fn regroup(&mut self, controller: &Controller) -> Option<Vec<Option<usize>>> {
         let now = self.tracks[0].len() - 1;
-        let (coming, horizon) = (self.coming.as_ref(), horizon_of(controller));
+        let (coming, simulator) = (self.coming.as_ref(), fair(controller));
+        let horizon = simulator.and_then(|s| s.horizon());
         if self.tracks[0][now].is_none() || !self.changes.has_changed(&self.scenario, coming, now, horizon) {
             return None;
         }
         let all = 0..self.scenario.start.agents.len();
         let before = self.view.as_ref().map_or_else(|| all.collect(), |view| view.slots.clone());
-        let history = history_of(controller).unwrap_or(self.scenario.length().history);
-        let view = View::new(&self.scenario, coming, &self.tracks, &self.lights, history);
+        let history = simulator.and_then(|s| s.history()).unwrap_or(self.scenario.length().history);
+        let changes = self.changes.count;
+        let view = View::new(&self.scenario, coming, &self.tracks, &self.lights, history, changes);
         let slot_before = |slot: &usize| before.iter().position(|other| other == slot);
         let kept = view.slots.iter().map(slot_before).collect();
-        self.view = Some(view.after(self.changes.count));
+        self.view = Some(view);
         Some(kept)
     }
 
@@ -198,8 +201,8 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             return;
         }
         let history = of_av.and_then(|av| av.history()).unwrap_or(self.scenario.length().history);
-        let view = View::new(&self.scenario, coming, &self.tracks, &self.lights, history);
-        self.av_view = Some(view.after(self.av_changes.count));
+        let changes = self.av_changes.count;
+        self.av_view = Some(View::new(&self.scenario, coming, &self.tracks, &self.lights, history, changes));
     }
 
     /// Fetches the AV's next state (Algorithm 1, line 3). The policy sees states up to the current time
@@ -209,13 +212,9 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
             return Ok(());
         }
         self.renew_av_view();
-        let Some(av) = &mut self.av else { return Ok(()) };
-        let seen = match &self.av_view {
-            Some(view) => view.seen(None),
-            None => Observation::new(&self.scenario.start, &self.tracks, &self.lights, None)
-                .with_heights(&self.heights),
-        };
-        let next = av.next(&seen);
+        let Some(mut av) = self.av.take() else { return Ok(()) };
+        let next = av.next(&self.seen());
+        self.av = Some(av);
         let next = next.map_err(|source| RolloutError::Av { scenario: self.scenario.id.clone(), source })?;
         self.av_next = Some(next);
         Ok(())
@@ -323,18 +322,10 @@ impl<'a, S: Deref<Target = Scenario>> ScenarioRollout<'a, S> {
     }
 }
 
-/// Returns the number of frames of history that a simulator was built for, if it was for one.
-fn history_of(controller: &Controller) -> Option<usize> {
+/// Returns the simulator unless it is an oracle, which takes any history and needs no new start.
+fn fair(controller: &Controller) -> Option<&dyn Simulator> {
     match controller {
-        Controller::Fair(simulator) => simulator.history(),
-        Controller::Oracle(_) => None,
-    }
-}
-
-/// Returns the number of steps after which a simulator needs a new start, if it does.
-fn horizon_of(controller: &Controller) -> Option<usize> {
-    match controller {
-        Controller::Fair(simulator) => simulator.horizon(),
+        Controller::Fair(simulator) => Some(simulator.as_ref()),
         Controller::Oracle(_) => None,
     }
 }
@@ -343,7 +334,7 @@ fn horizon_of(controller: &Controller) -> Option<usize> {
 /// velocity is finite, else the position difference. After a gap the state keeps its own velocity.
 fn with_velocity(before: Frame, state: AgentState, replayed: bool) -> AgentState {
     match before {
-        Some(_) if replayed && state.velocity().is_some_and(|v| v.x.is_finite() && v.y.is_finite()) => state,
+        Some(_) if replayed && state.velocity().is_some() => state,
         Some(b) => AgentState { vx: (state.x - b.x) / DT, vy: (state.y - b.y) / DT, ..state },
         None => state,
     }

@@ -8,7 +8,7 @@ use reactsim_scene::{FUTURE, named_enum};
 use super::entering::Entering;
 
 named_enum! {
-    name;
+    name, from_name;
 
     /// The two protocols of the benchmark.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,8 +30,7 @@ impl FromStr for Protocol {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|protocol| protocol.name() == name);
-        found.ok_or_else(|| "expected reactive or realism".to_owned())
+        Self::from_name(name).ok_or_else(|| "expected reactive or realism".to_owned())
     }
 }
 

@@ -73,13 +73,14 @@ pub(crate) struct View {
 
 impl View {
     /// Makes the view at the latest realised frame. `history`: number of frames up to that one; frames from
-    /// before the log are absent.
+    /// before the log are absent. `changes`: number of changes before it.
     pub(crate) fn new(
         scenario: &Scenario,
         coming: Option<&Coming>,
         tracks: &[Vec<Frame>],
         lights: &[Vec<Option<LightState>>],
         history: usize,
+        changes: usize,
     ) -> Self {
         let (now, current) = (tracks[0].len() - 1, scenario.start.current());
         let has_left = |slot: usize| coming.is_some_and(|coming| coming.has_left(slot));
@@ -118,14 +119,9 @@ impl View {
             lights: light_history,
             slots,
             first_step: now - current,
-            changes: 0,
+            changes,
             heights: Mutex::default(),
         }
-    }
-
-    /// Returns the view as the one after this many changes.
-    pub(crate) fn after(self, changes: usize) -> Self {
-        Self { changes, ..self }
     }
 
     /// Adds the latest realised frame.

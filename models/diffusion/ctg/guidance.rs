@@ -38,7 +38,7 @@ impl Rules {
 }
 
 /// The scene that rules judge.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct RuleScene<'a> {
     pub(super) rules: Rules,
     pub(super) agents: Vec<RuleAgent>,

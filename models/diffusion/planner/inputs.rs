@@ -206,7 +206,7 @@ fn nearest<T>(all: &[T], most: usize, distance: impl Fn(&T) -> f64) -> impl Iter
 /// first.
 fn history(view: &SceneView<'_>, slot: usize, frame: &AxleFrame, config: &PlannerConfig) -> Vec<f32> {
     let (agent, track) = (&view.agents[slot], &view.tracks[slot]);
-    let kind = Class::ALL.map(|class| f32::from(u8::from(Class::of(agent.kind) == Some(class))));
+    let kind = Class::ALL.map(|class| f32::from(Class::of(agent.kind) == Some(class)));
     let row = |at: usize| {
         let state = track[at].unwrap_or_else(|| unreachable!("frames of this agent are known from here on"));
         let [x, y, cos, sin] = frame.pose(state.position(), state.heading);

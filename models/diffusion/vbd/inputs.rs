@@ -66,7 +66,7 @@ impl Sight {
 }
 
 /// A scene as the network sees it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Seen {
     pub(crate) input: SceneInput,
     /// Slots of the agents.
@@ -81,8 +81,7 @@ impl Seen {
     /// Describes a scene; `None` if the AV is absent.
     pub(crate) fn of(view: &SceneView<'_>, map: &KnownMap, sight: &Sight) -> Option<Self> {
         let center = view.state(0)?.position();
-        let mut seen =
-            Self { input: SceneInput::default(), slots: Vec::new(), states: Vec::new(), classes: Vec::new() };
+        let mut seen = Self::default();
         let mut av = view.tracks[0][view.now.saturating_sub(MEASURED_FRAMES)..=view.now].to_vec();
         av.extend(view.av_next.map(Some));
         seen.input.av_motion = latest_motion(&av);

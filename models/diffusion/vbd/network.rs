@@ -7,7 +7,6 @@
 mod config;
 mod cross_block;
 mod denoiser;
-mod encoded;
 mod encoder_layer;
 #[cfg(test)]
 mod golden;
@@ -21,7 +20,7 @@ mod vbd;
 
 pub use config::VbdConfig;
 pub use denoiser::DenoisingScene;
-pub use encoded::Encoded;
 pub use input::{Line, SceneInput};
 pub use predictor::Behaviours;
+pub use scene_encoder::Encoded;
 pub use vbd::Vbd;

@@ -41,12 +41,11 @@ impl VbdPolicy {
     /// # Errors
     /// [`WeightsError`], which names the tensor or the field.
     pub fn read(bytes: &[u8], device: &Device) -> Result<Self, WeightsError> {
-        let tensors = Tensors::read(bytes)?;
+        let mut tensors = Tensors::read(bytes)?;
         tensors.expect_kind(KIND)?;
         let StoredConfig { network: config, sight, .. } = tensors.config()?;
         config.check()?;
         sight.check()?;
-        let mut tensors = tensors;
         let anchors = Intentions::from_tables(&tensors.split_off(INTENTIONS_PREFIX))?;
         let network = tensors.load(Vbd::init(&config, &mut Initializer::blank(device)))?;
         Ok(Self { config, sight, anchors, network })

@@ -60,14 +60,8 @@ impl Course {
     ) -> Self {
         let at: [(Pose, f64); TIMES] =
             std::array::from_fn(|time| after(vehicle, proposal, shift, change, step_of(time)));
-        let extent = vehicle.extent;
         Self {
-            boxes: at.map(|(pose, _)| OrientedBox {
-                center: pose.position,
-                axis: direction(pose.heading),
-                half_length: extent.length,
-                half_width: extent.width,
-            }),
+            boxes: at.map(|(pose, _)| vehicle.extent.at(pose.position, direction(pose.heading))),
             speeds: at.map(|(_, speed)| speed),
         }
     }

@@ -6,7 +6,7 @@ use super::super::mode::Mode;
 use super::super::planned_vehicle::PlannedVehicle;
 use super::super::speed::STEPS;
 use super::course::{Change, Course, Shift, after};
-use super::meeting::{Clearances, Meeting};
+use super::meeting::Meeting;
 use super::proposal::{Proposal, is_wrong_way};
 use super::{GuardSettings, Surroundings};
 
@@ -41,20 +41,13 @@ const JUDGED_STEPS: [usize; 4] = [8, 15, 22, 30];
 /// closely.
 const SIGMA: f64 = 0.25;
 
-/// Returns the mode along which a maneuver with these box centres is planned.
-pub(super) fn mode(points: Vec<Vec2>) -> Mode {
-    let sigmas = Some(vec![[SIGMA; 2]; points.len()]);
-    Mode { points, sigmas, probability: 1.0 }
-}
-
-/// Returns the box centres of the cheapest maneuver after each step; `None` if that is the proposal itself.
+/// Returns the mode along which the cheapest maneuver is planned; `None` if that is the proposal itself.
 pub(super) fn cheapest(
     settings: &GuardSettings,
     vehicle: &PlannedVehicle<'_>,
     proposal: &Proposal<'_>,
     around: Surroundings<'_>,
-) -> Option<Vec<Vec2>> {
-    let clearances = Clearances::of(settings);
+) -> Option<Mode> {
     let proposed = proposal.acceleration(vehicle.now.speed.max(0.0));
     let changes = std::iter::once(Change::AsProposed).chain(ACCELERATIONS.map(Change::Now));
     let mut best = (f64::INFINITY, Shift::NONE, Change::AsProposed);
@@ -75,10 +68,10 @@ pub(super) fn cheapest(
                 continue;
             }
             let course = Course::of(vehicle, proposal, shift, change);
-            let others = around.others.iter().find_map(|o| clearances.first_meeting(&course, o));
+            let others = around.others.iter().find_map(|o| settings.first_meeting(&course, o));
             cost += meeting_cost(others);
             if cost < best.0 {
-                cost += av_cost(settings, &clearances, &course, around);
+                cost += av_cost(settings, &course, around);
             }
             if cost < best.0 {
                 best = (cost, shift, change);
@@ -88,7 +81,11 @@ pub(super) fn cheapest(
     let (_, shift, change) = best;
     let changes = shift != Shift::NONE || change != Change::AsProposed;
     let point = |step| after(vehicle, proposal, shift, change, step).0.position;
-    changes.then(|| (1..=STEPS).map(point).collect())
+    changes.then(|| Mode {
+        points: (1..=STEPS).map(point).collect(),
+        sigmas: Some(vec![[SIGMA; 2]; STEPS]),
+        probability: 1.0,
+    })
 }
 
 fn meeting_cost(meeting: Option<Meeting>) -> f64 {
@@ -100,16 +97,11 @@ fn meeting_cost(meeting: Option<Meeting>) -> f64 {
 }
 
 /// Returns the cost of meeting the AV: between the worst and the weighted mean of its forecasts.
-fn av_cost(
-    settings: &GuardSettings,
-    clearances: &Clearances,
-    course: &Course,
-    around: Surroundings<'_>,
-) -> f64 {
+fn av_cost(settings: &GuardSettings, course: &Course, around: Surroundings<'_>) -> f64 {
     let (mut sum, mut worst, mut weights) = (0.0, 0.0_f64, 0.0);
     for (forecast, av) in around.av {
         let weight = settings.weight(*forecast);
-        let cost = weight * meeting_cost(clearances.first_meeting(course, av));
+        let cost = weight * meeting_cost(settings.first_meeting(course, av));
         (sum, worst, weights) = (sum + cost, worst.max(cost), weights + weight);
     }
     if weights == 0.0 {

@@ -35,26 +35,7 @@ pub(super) struct Meeting {
     pub(super) stands: bool,
 }
 
-/// Distances and times that courses keep.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Clearances {
-    /// Distance to the AV, metres.
-    av: f64,
-    /// Distance to others, metres.
-    others: f64,
-    /// Time to collision with an AV ahead, seconds.
-    time_to_collision: f64,
-}
-
-impl Clearances {
-    pub(super) fn of(settings: &GuardSettings) -> Self {
-        Self {
-            av: settings.av_clearance,
-            others: settings.clearance,
-            time_to_collision: settings.time_to_collision,
-        }
-    }
-
+impl GuardSettings {
     /// Returns the first time at which a course is too close to an obstacle; `None` if it never is. Agents
     /// other than the AV that follow behind do not count.
     pub(super) fn first_meeting(&self, course: &Course, obstacle: &Obstacle) -> Option<Meeting> {
@@ -66,7 +47,7 @@ impl Clearances {
             return None;
         }
         let unplanned = obstacle.leader_only && !(along && ahead > 0.0) && !obstacle.stands();
-        let clearance = if obstacle.is_av { self.av } else { self.others };
+        let clearance = if obstacle.is_av { self.av_clearance } else { self.clearance };
         let now = me.separation(other);
         let times = (1..TIMES).take_while(|&time| !unplanned || step_of(time) <= UNPLANNED_STEPS);
         for time in times {

@@ -11,7 +11,7 @@ const STAGE: &str = "qp";
 /// Returns a row per parameter below a row of headings.
 pub(super) fn rows(id: &str) -> anyhow::Result<Vec<Vec<String>>> {
     let setup = setup(id)?;
-    let parameters = setup.ranges()?;
+    let parameters = setup.parameters.ranges()?;
     if parameters.is_empty() {
         bail!("the simulator `{id}` has no parameters");
     }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-use reactsim_geometry::Vec2;
+use reactsim_geometry::{Vec2, heading_of};
 use reactsim_rollout::Observation;
 use reactsim_scene::{Agent, AgentKind, AgentState, DT, Frame, Scenario, Start};
 
@@ -78,12 +78,17 @@ impl ObjectIds {
         self.agents.iter().position(|id| id == agent)
     }
 
-    /// Returns the id of an obstacle.
-    ///
-    /// # Panics
-    /// If the scenario has no obstacle with this index.
-    pub fn obstacle(&self, index: usize) -> &ObjectId {
-        &self.obstacles[index]
+    /// Returns the obstacles of the scenario, which stand, as objects.
+    pub fn obstacles(&self, start: &Start) -> impl Iterator<Item = TrackedObject> {
+        start.obstacles.iter().zip(&self.obstacles).map(|(obstacle, id)| TrackedObject {
+            id: id.clone(),
+            kind: ObjectKind::GenericObject,
+            center: obstacle.center,
+            heading: heading_of(obstacle.axis),
+            length: 2.0 * obstacle.half_length,
+            width: 2.0 * obstacle.half_width,
+            velocity: Vec2::zeros(),
+        })
     }
 
     /// Returns the objects within reach of ego at present, by the rules of [`rollout_objects`]. An unknown
@@ -149,26 +154,14 @@ impl ObjectFrame<'_> {
             if !is_near(state.position(), agent.length, agent.width, velocity) {
                 continue;
             }
-            objects.push(object(id, agent, &state, velocity));
+            objects.push(agent_object(id, agent, &state, velocity));
         }
-        let obstacles = self.start.obstacles.iter().zip(&self.ids.obstacles).enumerate();
-        objects.extend(obstacles.filter_map(|(i, (obstacle, id))| {
-            let sides = (2.0 * obstacle.half_length, 2.0 * obstacle.half_width);
-            if !is_near(obstacle.center, sides.0, sides.1, Vec2::zeros()) {
-                return None;
-            }
-            let standing = TrackedObject {
-                id: id.clone(),
-                kind: ObjectKind::GenericObject,
-                center: obstacle.center,
-                heading: reactsim_geometry::heading_of(obstacle.axis),
-                length: sides.0,
-                width: sides.1,
-                velocity: Vec2::zeros(),
-            };
-            let is_apart = || self.is_apart_from_av(self.start.obstacle_height(i), standing.center);
-            (standing.is_finite() && !is_apart()).then_some(standing)
-        }));
+        let is_there = |(i, o): &(usize, TrackedObject)| {
+            is_near(o.center, o.length, o.width, o.velocity)
+                && o.is_finite()
+                && !self.is_apart_from_av(self.start.obstacle_height(*i), o.center)
+        };
+        objects.extend(self.ids.obstacles(self.start).enumerate().filter(is_there).map(|(_, object)| object));
         (objects, is_estimated)
     }
 
@@ -186,7 +179,8 @@ impl ObjectFrame<'_> {
     }
 }
 
-fn object(id: &ObjectId, agent: &Agent, state: &AgentState, velocity: Vec2) -> TrackedObject {
+/// Returns an agent in a state as an object with this velocity, m/s.
+pub fn agent_object(id: &ObjectId, agent: &Agent, state: &AgentState, velocity: Vec2) -> TrackedObject {
     TrackedObject {
         id: id.clone(),
         kind: kind_of(agent.kind),
@@ -199,7 +193,7 @@ fn object(id: &ObjectId, agent: &Agent, state: &AgentState, velocity: Vec2) -> T
 }
 
 /// Returns the class of the agents of a kind.
-pub fn kind_of(kind: AgentKind) -> ObjectKind {
+fn kind_of(kind: AgentKind) -> ObjectKind {
     match kind {
         AgentKind::Vehicle => ObjectKind::Vehicle,
         AgentKind::Pedestrian => ObjectKind::Pedestrian,

@@ -44,15 +44,6 @@ pub(super) struct Seen<'a> {
     pub(super) lights: &'a [Light],
 }
 
-/// Something on the path of an agent.
-struct Candidate {
-    leader: Leader,
-    /// Distance, metres, then y and x of the middle of its bounds: the first of equally distant ones is that
-    /// which the devkit finds (GEOS 3.11, `STRtree`, with at most ten candidates).
-    order: [f64; 3],
-    speed: f64,
-}
-
 impl Seen<'_> {
     /// Returns how an agent follows: the nearest of what touches the strip of its path ahead, measured from
     /// its own footprint.
@@ -61,15 +52,18 @@ impl Seen<'_> {
         let strip = own.strip();
         let heading = own.pose().heading;
         let along = |speed: f64, other: f64| speed * math::cos(other - heading);
-        let mut nearest: Option<Candidate> = None;
+        // With distance, metres, then y and x of the middle of the bounds: the first of equally distant ones
+        // is that which the devkit finds (GEOS 3.11, `STRtree`, with at most ten candidates).
+        let mut nearest: Option<([f64; 3], Lead)> = None;
         let mut consider = |ground: &Ground, speed: f64, leader: &dyn Fn() -> Leader| {
             if !strip.touches(ground) {
                 return;
             }
             let middle = ground.middle();
-            let order = [own.ground.distance(ground), middle.y, middle.x];
-            if nearest.as_ref().is_none_or(|nearest| order < nearest.order) {
-                nearest = Some(Candidate { leader: leader(), order, speed });
+            let distance = own.ground.distance(ground);
+            let order = [distance, middle.y, middle.x];
+            if nearest.as_ref().is_none_or(|nearest| order < nearest.0) {
+                nearest = Some((order, Lead { leader: leader(), distance, speed, rear: 0.0 }));
             }
         };
         if let Some((ego, ground)) = self.ego {
@@ -90,14 +84,10 @@ impl Seen<'_> {
                 consider(&ground, 0.0, &|| Leader::StopLine(line.id.clone()));
             }
         }
-        match nearest {
-            Some(Candidate { leader, order: [distance, ..], speed }) => {
-                Lead { leader, distance, speed, rear: 0.0 }
-            }
-            None => {
-                let (distance, rear) = (own.path_left(), 0.5 * own.object().length);
-                Lead { leader: Leader::PathEnd, distance, speed: 0.0, rear }
-            }
-        }
+        let path_end = || {
+            let (distance, rear) = (own.path_left(), 0.5 * own.object().length);
+            Lead { leader: Leader::PathEnd, distance, speed: 0.0, rear }
+        };
+        nearest.map_or_else(path_end, |(_, lead)| lead)
     }
 }

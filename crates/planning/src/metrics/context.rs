@@ -30,8 +30,10 @@ pub(super) struct Lanes {
 
 impl<'a> Context<'a> {
     pub(super) fn new(history: &'a History<'a>) -> Self {
-        let footprints = (0..history.ego.len()).map(|k| history.footprint(k)).collect();
-        Self { history, centers: history.centers(), footprints, lanes: OnceCell::new() }
+        let states = history.ego.iter();
+        let centers = states.clone().map(|state| state.center(&history.shape)).collect();
+        let footprints = states.map(|state| state.footprint(&history.shape)).collect();
+        Self { history, centers, footprints, lanes: OnceCell::new() }
     }
 
     pub(super) fn lanes(&self) -> &Lanes {

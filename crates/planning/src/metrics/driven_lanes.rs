@@ -29,6 +29,7 @@ struct Candidate {
 /// through others: the one with the fewest changes to lanes that no link leads to, and among equals the one
 /// nearest to the vehicle. Where lanes fork, the later samples decide. Empty if the vehicle is along no lane.
 pub(super) fn driven_lanes(map: &PlanningMap, states: &[EgoState], centers: &[Vec2]) -> Vec<usize> {
+    // The lanes to which lanes lead, with the lanes between.
     let mut ways: BTreeMap<usize, BTreeMap<usize, Vec<usize>>> = BTreeMap::new();
     let mut samples: Vec<Vec<Candidate>> = Vec::new();
     for (state, &center) in states.iter().zip(centers) {
@@ -37,7 +38,8 @@ pub(super) fn driven_lanes(map: &PlanningMap, states: &[EgoState], centers: &[Ve
             continue;
         }
         for &(lane, _) in &near {
-            ways.entry(lane).or_insert_with(|| ways_from(map, lane));
+            let length = |lane: usize| map.lane(lane).baseline.length();
+            ways.entry(lane).or_insert_with(|| led_to(lane, |lane| &map.lane(lane).successors, length));
         }
         let before = samples.last().map_or(&[][..], Vec::as_slice);
         let next = near.into_iter().map(|(lane, cost)| cheapest(before, &ways, lane, cost)).collect();
@@ -60,11 +62,6 @@ fn lanes_along(map: &PlanningMap, center: Vec2, heading: f64) -> Vec<(usize, f64
         Some((lane, ASIDE * aside + TURNED * angle))
     });
     along.collect()
-}
-
-/// Returns the lanes to which a lane leads, with the lanes between.
-fn ways_from(map: &PlanningMap, lane: usize) -> BTreeMap<usize, Vec<usize>> {
-    led_to(lane, |lane| &map.lane(lane).successors, |lane| map.lane(lane).baseline.length())
 }
 
 /// Returns the candidate `lane` after the cheapest candidate of the sample before, the first one among

@@ -1,8 +1,6 @@
 //! The input of the metrics: one driven scenario.
 
-use reactsim_geometry::{OrientedBox, Vec2};
-
-use crate::{EgoShape, EgoState, PlanningError, PlanningMap, STEP, TrackedObject};
+use crate::{EgoShape, EgoState, PlanningError, PlanningMap, TrackedObject};
 
 /// Minimum number of samples: the yaw acceleration is the second derivative of a cubic polynomial.
 pub const MIN_SAMPLES: usize = 4;
@@ -66,20 +64,5 @@ impl History<'_> {
             }
         }
         Ok(())
-    }
-
-    /// Returns the box of ego at a sample.
-    pub(super) fn footprint(&self, sample: usize) -> OrientedBox {
-        self.ego[sample].footprint(&self.shape)
-    }
-
-    /// Returns the centre of the box of ego per sample, metres.
-    pub(super) fn centers(&self) -> Vec<Vec2> {
-        self.ego.iter().map(|state| state.center(&self.shape)).collect()
-    }
-
-    /// Returns the time from the first to the last sample, seconds.
-    pub(super) fn duration(&self) -> f64 {
-        (self.ego.len() - 1) as f64 * STEP
     }
 }

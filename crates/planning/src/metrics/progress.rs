@@ -58,7 +58,12 @@ pub(super) fn expert_progress(context: &Context<'_>) -> ExpertProgress {
         return undefined(UndefinedReason::NoLanes);
     }
     let centers: Vec<Vec2> = expert.iter().map(|state| state.center(&history.shape)).collect();
-    let route = route_of(history.map, expert, &centers);
+    let link = |lane: usize| {
+        let lane = history.map.lane(lane);
+        Link { roadblock: lane.roadblock, baseline: &lane.baseline }
+    };
+    let route: Vec<Link<'_>> =
+        passed_lanes(history.map, expert, &centers).entered.into_iter().map(link).collect();
     if route.is_empty() {
         return match history.missing {
             MissingInputs::Undefined => undefined(UndefinedReason::ExpertWithoutLanes),
@@ -93,15 +98,6 @@ fn undefined(reason: UndefinedReason) -> ExpertProgress {
 
 fn without_totals(value: MetricValue) -> ExpertProgress {
     ExpertProgress { value, ego_total: None, expert_total: 0.0, ego_progress: Vec::new() }
-}
-
-/// Returns the links of the route of the expert.
-fn route_of<'m>(map: &'m PlanningMap, expert: &[EgoState], centers: &[Vec2]) -> Vec<Link<'m>> {
-    let link = |lane: usize| {
-        let lane = map.lane(lane);
-        Link { roadblock: lane.roadblock, baseline: &lane.baseline }
-    };
-    passed_lanes(map, expert, centers).entered.into_iter().map(link).collect()
 }
 
 /// The lanes that a vehicle passes.

@@ -12,20 +12,15 @@ pub struct SavitzkyGolay {
 }
 
 impl SavitzkyGolay {
-    /// Filters `values`, which are `interval` seconds apart. The window shrinks to the number of values.
+    /// Computes the weights of the filter for series of `samples` values, which are `interval` seconds
+    /// apart. The window shrinks to the number of values.
     ///
     /// In the interior, the polynomial is evaluated at the middle of the window. The middle of a window of
     /// even size is between two samples, and the value belongs to the earlier one. The first and the last
     /// half window have the values of the polynomial of the first and the last whole window (the mode
     /// `interp` of SciPy 1.11).
     ///
-    /// The result is empty if there are not more values than the degree.
-    pub fn apply(&self, values: &[f64], interval: f64) -> Vec<f64> {
-        self.prepare(values.len(), interval).apply(values)
-    }
-
-    /// Computes the weights of the filter for series of `samples` values, which are `interval` seconds
-    /// apart.
+    /// The filter returns nothing if there are not more values than the degree.
     pub fn prepare(&self, samples: usize, interval: f64) -> PreparedFilter {
         let window = self.window.min(samples);
         if window <= self.degree {
@@ -132,6 +127,10 @@ mod tests {
         SavitzkyGolay { window, degree, derivative }
     }
 
+    fn filtered(filter: SavitzkyGolay, values: &[f64]) -> Vec<f64> {
+        filter.prepare(values.len(), 0.1).apply(values)
+    }
+
     #[test]
     fn interior_weights_are_those_of_the_literature() {
         let even = [-3.0, 3.0, 7.0, 9.0, 9.0, 7.0, 3.0, -3.0].map(|w| w / 32.0);
@@ -146,16 +145,16 @@ mod tests {
     fn polynomials_of_the_degree_pass_unchanged() {
         let cubic = |x: f64| 0.3 * x * x * x - x * x + 2.0 * x - 1.0;
         let values: Vec<f64> = (0..9).map(|i| cubic(f64::from(i) * 0.1)).collect();
-        close(&filter(5, 3, 0).apply(&values, 0.1), &values);
+        close(&filtered(filter(5, 3, 0), &values), &values);
         let slopes: Vec<f64> = (0..9).map(|i| f64::from(i) * 0.1).map(|x| 1.8 * x - 2.0).collect();
-        let second = filter(5, 3, 2).apply(&values, 0.1);
+        let second = filtered(filter(5, 3, 2), &values);
         assert!(second.iter().zip(&slopes).all(|(a, b)| (a - b).abs() < 1e-9));
     }
 
     #[test]
     fn the_value_of_an_even_window_belongs_to_the_earlier_sample() {
         let ramp: Vec<f64> = (0..20).map(f64::from).collect();
-        let smooth = filter(8, 2, 0).apply(&ramp, 0.1);
+        let smooth = filtered(filter(8, 2, 0), &ramp);
         let close_to = |k: usize, value: f64| (smooth[k] - value).abs() < 1e-12;
         assert!(close_to(3, 3.0) && close_to(4, 4.5) && close_to(15, 15.5) && close_to(16, 16.0));
     }
@@ -163,7 +162,7 @@ mod tests {
     #[test]
     fn windows_shrink_to_short_inputs() {
         let values = [0.0, 1.0, 4.0, 9.0];
-        close(&filter(15, 2, 0).apply(&values, 0.1), &values);
-        assert!(filter(5, 3, 2).apply(&values[..3], 0.1).is_empty());
+        close(&filtered(filter(15, 2, 0), &values), &values);
+        assert!(filtered(filter(5, 3, 2), &values[..3]).is_empty());
     }
 }

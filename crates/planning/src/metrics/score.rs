@@ -107,13 +107,6 @@ mod tests {
     }
 
     #[test]
-    fn one_cone_costs_more_than_half() {
-        let half = (PlannerMetric::Collisions, MetricValue::Defined(0.5));
-        let ttc = (PlannerMetric::TimeToCollision, MetricValue::Defined(0.0));
-        assert_eq!(ClosedLoopScore::of(&values(&[half, ttc])), ClosedLoopScore::Complete(0.34375));
-    }
-
-    #[test]
     fn undefined_metrics_make_the_score_partial() {
         let undefined = MetricValue::Undefined(UndefinedReason::UnknownSpeedLimits);
         let comfort = (PlannerMetric::Comfort, MetricValue::Defined(0.0));

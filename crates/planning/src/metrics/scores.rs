@@ -2,15 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use crate::PlanningError;
-use crate::map::{DrivableArea, Intersections, PlanningMap};
+use crate::map::{DrivableArea, Intersections};
+use crate::{EgoState, PlanningError};
 
 use super::collisions::collisions;
 use super::comfort::{ComfortFilters, comfort};
 use super::context::{Context, Lanes};
 use super::drivable_area::drivable_area;
 use super::driving_direction::driving_direction;
-use super::mean_speed::mean_speed;
 use super::progress::{expert_progress, making_progress};
 use super::speed_limit::speed_limit;
 use super::time_to_collision::time_to_collision;
@@ -38,7 +37,7 @@ pub struct PlannerScores {
     pub speed_limit: SpeedLimitCompliance,
     /// Comfort.
     pub comfort: Comfort,
-    /// Mean speed of the rear axle, m/s; not part of the score.
+    /// Mean speed of the rear axle, m/s; not part of the score (nuPlan devkit 1.2.2, `ego_mean_speed`).
     pub mean_speed: f64,
     /// The score.
     pub score: ClosedLoopScore,
@@ -89,7 +88,7 @@ pub fn judge(history: &History<'_>) -> Result<PlannerScores, PlanningError> {
         time_to_collision: time_to_collision(&context, &collisions),
         speed_limit: speed_limit(&context),
         comfort: comfort(history.ego, &history.shape, &ComfortFilters::new(history.ego.len())),
-        mean_speed: mean_speed(history.ego),
+        mean_speed: history.ego.iter().map(EgoState::speed).sum::<f64>() / history.ego.len() as f64,
         score: ClosedLoopScore::Complete(0.0),
         labels: BTreeSet::new(),
         collisions,
@@ -114,7 +113,7 @@ fn labels(context: &Context<'_>, scores: &PlannerScores) -> BTreeSet<Label> {
     let map = context.history.map;
     let has_lanes = context.has_lanes();
     let applies = |label: &Label| match label {
-        Label::LanesCorridors => has_corridors(map),
+        Label::LanesCorridors => (0..map.lanes().len()).any(|lane| map.lane_area(lane).is_corridor()),
         Label::LanesOverlapping | Label::DirectionOverlapping => context.lanes().overlap,
         Label::DrivableRoadEdges => matches!(map.drivable(), DrivableArea::RoadEdges { .. }),
         Label::IntersectionConnectors => {
@@ -129,8 +128,4 @@ fn labels(context: &Context<'_>, scores: &PlannerScores) -> BTreeSet<Label> {
         }
     };
     Label::ALL.into_iter().filter(applies).collect()
-}
-
-fn has_corridors(map: &PlanningMap) -> bool {
-    (0..map.lanes().len()).any(|lane| map.lane_area(lane).is_corridor())
 }

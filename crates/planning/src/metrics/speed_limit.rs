@@ -36,17 +36,18 @@ pub(super) fn speed_limit(context: &Context<'_>) -> SpeedLimitCompliance {
         MissingInputs::Undefined if !unknown_steps.is_empty() => {
             MetricValue::Undefined(UndefinedReason::UnknownSpeedLimits)
         }
-        _ => MetricValue::Defined(score(&overspeed, history.duration())),
+        _ => MetricValue::Defined(score(&overspeed)),
     };
     SpeedLimitCompliance { value, overspeed, unknown_steps }
 }
 
 /// Returns the value: n samples of excess over n - 1 intervals.
-fn score(overspeed: &[f64], duration: f64) -> f64 {
+fn score(overspeed: &[f64]) -> f64 {
     if overspeed.iter().all(|&excess| excess == 0.0) {
         return 1.0;
     }
     let violation = overspeed.iter().sum::<f64>() * STEP;
+    let duration = (overspeed.len() - 1) as f64 * STEP;
     (1.0 - violation / (MAX_OVERSPEED * duration)).max(0.0)
 }
 

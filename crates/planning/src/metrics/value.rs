@@ -67,34 +67,24 @@ impl MetricValue {
     }
 }
 
-/// The reason why a metric is undefined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum UndefinedReason {
-    /// The map has no lanes.
-    NoLanes,
-    /// The map has neither drivable polygons nor road edges.
-    NoDrivableArea,
-    /// A sample with a lane has no speed limit.
-    UnknownSpeedLimits,
-    /// Ego had a lateral contact, and the map has no lanes that decide whose fault it is.
-    LateralContactWithoutLanes,
-    /// The log of the expert has gaps.
-    IncompleteExpert,
-    /// The expert drove in no lane.
-    ExpertWithoutLanes,
-}
+named_enum! {
+    id;
 
-impl UndefinedReason {
-    /// Returns the id used in files and tables.
-    pub const fn id(self) -> &'static str {
-        match self {
-            Self::NoLanes => "no-lanes",
-            Self::NoDrivableArea => "no-drivable-area",
-            Self::UnknownSpeedLimits => "unknown-speed-limits",
-            Self::LateralContactWithoutLanes => "lateral-contact-without-lanes",
-            Self::IncompleteExpert => "incomplete-expert",
-            Self::ExpertWithoutLanes => "expert-without-lanes",
-        }
+    /// The reason why a metric is undefined.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+    pub enum UndefinedReason {
+        /// The map has no lanes.
+        NoLanes = "no-lanes",
+        /// The map has neither drivable polygons nor road edges.
+        NoDrivableArea = "no-drivable-area",
+        /// A sample with a lane has no speed limit.
+        UnknownSpeedLimits = "unknown-speed-limits",
+        /// Ego had a lateral contact, and the map has no lanes that decide whose fault it is.
+        LateralContactWithoutLanes = "lateral-contact-without-lanes",
+        /// The log of the expert has gaps.
+        IncompleteExpert = "incomplete-expert",
+        /// The expert drove in no lane.
+        ExpertWithoutLanes = "expert-without-lanes",
     }
 }
 

@@ -4,6 +4,7 @@
 use reactsim_geometry::{direction, math};
 
 use super::forecast::{Forecast, Obstacle};
+use crate::idm_model::IdmModel;
 use crate::path::{Corridor, Path};
 use crate::trajectory::{Pose, STEP};
 use crate::{EgoShape, EgoState};
@@ -16,14 +17,9 @@ pub(super) const TRAJECTORY_STEPS: usize = 80;
 pub(super) const SPEED_FRACTIONS: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
 /// Limit in m/s where none is known (tuplan_garage b51d5d0, `fallback_target_velocity`).
 const FALLBACK_LIMIT: f64 = 15.0;
-/// Gap at standstill, metres (tuplan_garage b51d5d0, `min_gap_to_lead_agent`).
-const MIN_GAP: f64 = 1.0;
-/// Time headway, seconds (tuplan_garage b51d5d0, `headway_time`).
-const HEADWAY: f64 = 1.5;
-/// Largest acceleration, m/s² (tuplan_garage b51d5d0, `accel_max`).
-const MAX_ACCELERATION: f64 = 1.5;
-/// Comfortable and largest deceleration, m/s² (tuplan_garage b51d5d0, `decel_max`).
-const DECELERATION: f64 = 3.0;
+/// Parameters of the model (tuplan_garage b51d5d0, `min_gap_to_lead_agent`, `headway_time`, `accel_max` and
+/// `decel_max`).
+const MODEL: IdmModel = IdmModel { min_gap: 1.0, headway: 1.5, acceleration: 1.5, deceleration: 3.0 };
 /// Number of steps between searches for the leader (tuplan_garage b51d5d0, `leading_agent_update_rate`).
 const LEADER_INTERVAL: usize = 2;
 
@@ -100,12 +96,8 @@ fn is_leader_step(step: usize) -> bool {
 /// Returns the acceleration of the intelligent driver model, m/s². There is no floor at standstill:
 /// speeds may become negative.
 fn acceleration(progress: f64, speed: f64, target: f64, leader: Leader) -> f64 {
-    let approach = speed * (speed - leader.speed) / (2.0 * (MAX_ACCELERATION * DECELERATION).sqrt());
-    let desired_gap = MIN_GAP + speed * HEADWAY + approach;
-    let gap = (leader.progress - progress - leader.rear).max(MIN_GAP);
-    let free = tenth_power(speed / target);
-    let interaction = (desired_gap / gap) * (desired_gap / gap);
-    (MAX_ACCELERATION * (1.0 - free - interaction)).clamp(-DECELERATION, MAX_ACCELERATION)
+    let gap = leader.progress - progress - leader.rear;
+    MODEL.acceleration_by(tenth_power(speed / target), speed, gap, leader.speed)
 }
 
 /// Returns x¹⁰; 10 is the acceleration exponent (tuplan_garage b51d5d0, `acceleration_exponent`).

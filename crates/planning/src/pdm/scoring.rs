@@ -105,11 +105,11 @@ impl Scorer<'_> {
             let collisions = self.collisions(&drive, &obstacles);
             scores.no_collision.push(collisions.score);
             scores.collision_time.push(collisions.first.map_or(f64::INFINITY, |step| step as f64 * STEP));
-            scores.drivable_area.push(flag(drive.ground.iter().all(|ground| !ground.is_off_road)));
+            scores.drivable_area.push(f64::from(drive.ground.iter().all(|ground| !ground.is_off_road)));
             scores.driving_direction.push(driving_direction(&drive));
             scores.progress_distance.push(self.progress(&drive));
-            scores.ttc.push(flag(!self.has_short_ttc(&drive, &obstacles)));
-            scores.comfortable.push(flag(self.comfort.is_comfortable(states)));
+            scores.ttc.push(f64::from(!self.has_short_ttc(&drive, &obstacles)));
+            scores.comfortable.push(f64::from(self.comfort.is_comfortable(states)));
         }
         scores.aggregate();
         scores
@@ -218,7 +218,7 @@ impl Scores {
         self.progress = if largest > PROGRESS_THRESHOLD {
             progress.iter().map(|progress| progress / largest).collect()
         } else {
-            products.iter().map(|&product| flag(product != 0.0)).collect()
+            products.iter().map(|&product| f64::from(product != 0.0)).collect()
         };
         let weights = PROGRESS_WEIGHT + TTC_WEIGHT + COMFORT_WEIGHT;
         let score = |i: usize| {
@@ -248,10 +248,6 @@ struct Collisions {
     score: f64,
     /// Step of the first contact at fault.
     first: Option<usize>,
-}
-
-fn flag(value: bool) -> f64 {
-    f64::from(u8::from(value))
 }
 
 /// Returns whether two boxes touch or overlap; `reach` is the sum of the radii of their circumscribed

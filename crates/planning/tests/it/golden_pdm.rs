@@ -44,7 +44,7 @@ fn compare(document: &Part, largest: &mut Largest) {
     assert_eq!(cycle.best as f64, expected.number("best"), "{}: best", document.place());
     assert_eq!(cycle.is_emergency_brake, expected.flag("emergency_brake"), "{}: brake", document.place());
     let states = trajectory.states();
-    compare_states(states, &expected.at("trajectory"), &["x", "y", "heading"], largest);
+    compare_states(states, &expected.at("trajectory"), largest);
 }
 
 fn compare_centerline(found: &Path, expected: &Part, largest: &mut Largest) {
@@ -127,18 +127,15 @@ fn compare_scores(cycle: &Cycle, expected: &Part, largest: &mut Largest) {
     }
 }
 
-fn compare_states(states: &[EgoState], expected: &Part, names: &[&str], largest: &mut Largest) {
-    for name in names {
+fn compare_states(states: &[EgoState], expected: &Part, largest: &mut Largest) {
+    type Value = fn(&EgoState) -> f64;
+    let series: [(&str, Value); 3] =
+        [("x", |state| state.x), ("y", |state| state.y), ("heading", |state| state.heading)];
+    for (name, of) in series {
         let values = expected.numbers(name);
         assert_eq!(values.len(), states.len(), "{name}");
         for (step, value) in values.into_iter().enumerate() {
-            let state = &states[step];
-            let found = match *name {
-                "x" => state.x,
-                "y" => state.y,
-                _ => state.heading,
-            };
-            largest.compare(found, value, || format!("trajectory.{name}[{step}]"));
+            largest.compare(of(&states[step]), value, || format!("trajectory.{name}[{step}]"));
         }
     }
 }

@@ -11,4 +11,3 @@ mod golden_pdm;
 mod golden_tracking;
 mod part;
 mod rules;
-mod scene_history;

@@ -7,7 +7,7 @@ use reactsim_geometry::{OrientedBox, Polyline, Vec2, direction, heading_of, left
 use reactsim_scene::dynamics::{AxlePath, CALM_STEERING_RATE, Departure, Pose, REAR_AXLE, STANDSTILL_SPEED};
 use reactsim_scene::{AgentState, DT, Frame, LaneHit, Road, Scenario};
 
-use super::{AvError, MAX_STEP_DISPLACEMENT, check_steps};
+use super::{AvError, LogAv, MAX_STEP_DISPLACEMENT, check_steps};
 
 /// Smallest distance between recorded points, metres: closer ones are dropped, because their direction
 /// is noise.
@@ -41,11 +41,8 @@ impl LoggedDrive {
     /// # Errors
     /// [`AvError`] when the AV is absent at a step, or jumps.
     pub fn new(scenario: &Scenario) -> Result<Self, AvError> {
-        let future = &scenario.log_future.tracks[0];
         let mut states = vec![scenario.start.now(0)];
-        for (i, frame) in future.iter().enumerate() {
-            states.push(frame.ok_or_else(|| AvError::absent(i + 1))?);
-        }
+        states.extend(LogAv::new(scenario)?.track);
         // A jump would count as speed, and make the path as long as that speed requires.
         check_steps(&states[0], &states[1..])?;
         let gear = gear(&states, velocity_now(scenario));

@@ -115,7 +115,10 @@ impl SimulatedPolicy<'_> {
         let memory = match &mut self.memory {
             Some(memory) => memory,
             none => {
-                let (memory, begun) = begun(self.av, self.rollout, &seen);
+                let mut beginning = [beginning(self.av, self.rollout, &seen)];
+                let begun = self.av.simulator.begin_batch(&mut beginning);
+                let [Beginning { memory, .. }] = beginning;
+                // It must be given back even if the beginning failed.
                 let memory = none.insert(memory);
                 self.ids = ids(&seen);
                 begun?;
@@ -126,7 +129,7 @@ impl SimulatedPolicy<'_> {
             let now = ids(&seen);
             let kept: Vec<_> = now.iter().map(|id| self.ids.iter().position(|other| other == id)).collect();
             let mut continuation = [Continuation {
-                before: std::mem::replace(memory, Memory::NONE),
+                before: std::mem::take(memory),
                 kept: &kept,
                 beginning: beginning(self.av, self.rollout, &seen),
             }];
@@ -159,14 +162,6 @@ impl SimulatedPolicy<'_> {
 /// Returns the ids of the agents that are observed.
 fn ids(seen: &Observation<'_>) -> Vec<String> {
     seen.start().agents.iter().map(|agent| agent.id.clone()).collect()
-}
-
-/// Begins an episode. Returns its memory, which must be given back even if the beginning failed.
-fn begun(av: &SimulatedAv, rollout: u32, seen: &Observation<'_>) -> (Memory, Result<(), PlanError>) {
-    let mut beginning = [beginning(av, rollout, seen)];
-    let result = av.simulator.begin_batch(&mut beginning);
-    let [Beginning { memory, .. }] = beginning;
-    (memory, result)
 }
 
 /// Returns the beginning of an episode at the start that is observed.

@@ -1,9 +1,10 @@
 //! Motion of agents that are not planned.
 
 use reactsim_nn::perception::{SceneView, forecast};
-use reactsim_scene::{AgentState, DT};
+use reactsim_scene::AgentState;
 
 use super::Other;
+use crate::joint_plan::go_on;
 
 /// Returns the present agents besides those in the slots `planned`, for this number of steps. The AV is
 /// forecast to keep its acceleration and yaw rate for some time; others keep their velocity, as they will.
@@ -14,11 +15,7 @@ pub(crate) fn others(view: &SceneView<'_>, planned: &[usize], steps: usize) -> V
             forecast(&view.tracks[0], view.now, view.av_next)?
         } else {
             let v = view.velocity(slot);
-            let after = |k: usize| {
-                let p = now.position() + v * (k as f64 * DT);
-                AgentState { x: p.x, y: p.y, vx: v.x, vy: v.y, ..now }
-            };
-            (1..=steps).map(after).collect()
+            go_on(AgentState { vx: v.x, vy: v.y, ..now }, steps)
         };
         states.truncate(steps);
         let agent = &view.agents[slot];

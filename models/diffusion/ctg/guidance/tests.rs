@@ -46,8 +46,7 @@ fn gradients_are_those_of_the_costs() {
     // Pairs of agents count for both.
     let total = |motion: &[Vec<Motion>]| {
         let with = |rules: Rules, agents: std::ops::Range<usize>| {
-            let scene =
-                RuleScene { rules, agents: scene.agents[agents.clone()].to_vec(), ..scene_like(&scene) };
+            let scene = RuleScene { rules, agents: scene.agents[agents.clone()].to_vec(), ..scene.clone() };
             scene.costs(&motion[agents]).iter().map(|cost| cost.value).sum::<f64>()
         };
         let alone: f64 = (0..3).map(|a| with(ALL, a..a + 1)).sum();
@@ -109,11 +108,6 @@ fn others_are_where_they_will_be() {
     assert!(x(&found[1]).iter().zip([5.5, 6.0, 6.5, 7.0]).all(|(x, wanted)| (x - wanted).abs() < 1e-9));
 }
 
-fn scene_like<'a>(scene: &RuleScene<'a>) -> RuleScene<'a> {
-    let RuleScene { rules, agents, others, ground, dt } = scene;
-    RuleScene { rules: *rules, agents: agents.clone(), others: others.clone(), ground, dt: *dt }
-}
-
 #[test]
 fn agents_that_keep_to_the_rules_pay_nothing() {
     let ground = ground();
@@ -128,7 +122,7 @@ fn agents_that_keep_to_the_rules_pay_nothing() {
     // The one that comes to rest in them pays for every step.
     assert!(costs[1].gradient.iter().all(|by| by.at.x > 0.0), "{costs:?}");
     // Two discs of 1 m that are 1.1 m apart: 1 - 1.1 / 2.2 each.
-    let mut scene = scene_like(&scene);
+    let mut scene = scene.clone();
     scene.agents.iter_mut().for_each(|agent| agent.size = [2.0, 2.0]);
     scene.rules = Rules { road: 0.0, speed: 0.0, ..ALL };
     let costs = scene.costs(&[vec![at(0.0, 0.0, 0.0, 7.0)], vec![at(1.1, 0.0, 0.0, 7.0)]]);
@@ -159,7 +153,7 @@ fn a_guided_follower_brakes_for_an_av_that_stands() {
     let moment = Moment { step: 0, deviation: 0.05 };
     let changed = guide.guide(still.clone(), &still, moment).into_data();
     assert!(changed.iter::<f32>().all(|x| x.abs() <= 0.0501));
-    let free = RuleScene { rules: Rules { collision: 0.0, road: 0.0, speed: 0.0 }, ..scene_like(&scene) };
+    let free = RuleScene { rules: Rules { collision: 0.0, road: 0.0, speed: 0.0 }, ..scene.clone() };
     let mut guide = RuleGuide { scene: &free, ..guide };
     let same = guide.guide(still.clone(), &still, moment).into_data();
     assert!(same.iter::<f32>().all(|x| x == 0.0));

@@ -12,7 +12,7 @@ use super::Recipe;
 use crate::{actions, normalized};
 
 /// Training sample of one scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Sample {
     pub(super) seen: Seen,
     /// True trajectories as the network's, `[agents, actions, 6]`; 0 where unknown.
@@ -43,7 +43,7 @@ pub(super) fn sample(
     slots.sort_by_key(|slot| scene.is_parked(*slot));
     slots.truncate(recipe.agents);
     let seen = Seen::of(&view, slots, &ground, &recipe.sight);
-    let mut sample = Sample { seen, truth: Vec::new(), weights: Vec::new(), weight: 0.0 };
+    let mut sample = Sample { seen, ..Sample::default() };
     for i in 0..sample.seen.slots.len() {
         let slot = sample.seen.slots[i];
         let weight = if scene.is_parked(slot) { recipe.parked } else { 1.0 };
@@ -76,7 +76,7 @@ impl Sample {
                 let [acceleration, yaw_rate] = normalized(*action);
                 [x, y, speed, yaw, acceleration, yaw_rate]
             });
-            self.weights.push(f32::from(u8::from(numbers.is_some())));
+            self.weights.push(f32::from(numbers.is_some()));
             self.truth.extend(numbers.unwrap_or_default());
         }
         let known: f32 = self.weights[first..].iter().sum();
@@ -104,9 +104,8 @@ mod tests {
         };
         let mut track: Vec<Frame> = vec![None; 3];
         track.extend((0..7).map(|k| Some(state(k))));
-        let mut seen = Seen::default();
-        seen.states.push(state(0));
-        let mut sample = Sample { seen, truth: Vec::new(), weights: Vec::new(), weight: 0.0 };
+        let mut sample = Sample::default();
+        sample.seen.states.push(state(0));
         sample.add(0, &track, 3, 0.6, &config);
         // Three of four steps are known.
         assert_eq!(

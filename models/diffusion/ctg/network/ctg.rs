@@ -2,8 +2,7 @@
 
 use burn::module::Module;
 use burn::nn::Linear;
-use burn::tensor::{Device, Tensor, TensorData};
-use reactsim_geometry::math;
+use burn::tensor::Tensor;
 use reactsim_nn::perception::Class;
 use reactsim_nn::{Initializer, Perceptron, PerceptronKind, linear};
 
@@ -13,13 +12,12 @@ use super::mish::mish;
 use super::motion::trajectory;
 use super::raster_encoder::RasterEncoder;
 use crate::ctg::Sight;
+use crate::waves::waves;
 
 /// Numbers of an agent besides its image: speed, length, width, one number per class.
 pub(crate) const ATTRIBUTES: usize = 3 + Class::ALL.len();
 /// Number of cosines, and of sines, of a noise level.
 const WAVES: usize = 16;
-/// Longest wavelength in levels, divided by 2π.
-const LONGEST: f64 = 1e4;
 
 /// Encoder with a head for controls, or with a denoiser.
 #[derive(Module, Debug)]
@@ -93,16 +91,9 @@ impl Ctg {
     ) -> Tensor<3> {
         let (Some(of_level), Some(denoiser)) = (&self.level, &self.denoiser) else { return noisy };
         let n = agents.features.dims()[0];
-        let level = mish(of_level.forward(waves(level, &noisy.device()))).repeat_dim(0, n);
+        let waves = waves(level as f64, WAVES, &noisy.device());
+        let level = mish(of_level.forward(waves)).repeat_dim(0, n);
         let condition = Tensor::cat(vec![agents.features.clone(), level], 1);
         denoiser.forward(trajectory(noisy, &agents.speeds, config), &condition)
     }
-}
-
-/// Returns cosines and sines of a noise level, `[1, 2 * WAVES]`.
-fn waves(level: usize, device: &Device) -> Tensor<2> {
-    let phases = (0..WAVES).map(|i| level as f64 * math::exp(-math::ln(LONGEST) * i as f64 / WAVES as f64));
-    let waves = phases.clone().map(math::cos).chain(phases.map(math::sin));
-    let waves: Vec<f32> = waves.map(|wave| wave as f32).collect();
-    Tensor::from_data(TensorData::new(waves, [1, 2 * WAVES]), device)
 }

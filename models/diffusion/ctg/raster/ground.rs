@@ -161,13 +161,8 @@ mod tests {
     fn shapes(drivable: Vec<Shape>) -> GroundShapes {
         let lane = vec![square(-8.0, 8.0)];
         let limits = vec![(lane.clone(), 10.0), (vec![square(-2.0, 2.0)], 15.0)];
-        GroundShapes {
-            center: Vec2::new(1.0, 0.0),
-            drivable,
-            lines: vec![lane],
-            crosswalks: Vec::new(),
-            limits,
-        }
+        let center = Vec2::new(1.0, 0.0);
+        GroundShapes { center, drivable, lines: vec![lane], limits, ..GroundShapes::default() }
     }
 
     fn square(from: f64, to: f64) -> Vec<Vec2> {

@@ -39,7 +39,7 @@ pub(crate) fn image(
             let at = ground.layers(frame.place(column, row));
             let first = (row * pixels + column) * channels + sight.frames;
             for (cell, is_there) in image[first..].iter_mut().zip(at) {
-                *cell = f32::from(u8::from(is_there));
+                *cell = f32::from(is_there);
             }
         }
     }

@@ -10,7 +10,7 @@ const LINE_HALF_WIDTH: f64 = 0.5;
 const OVERLAP: f64 = 0.25;
 
 /// Outlines of what can be driven on, of the centre lines of lanes, and of crosswalks.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct GroundShapes {
     /// Position of the AV at the current frame, metres.
     pub(super) center: Vec2,
@@ -33,10 +33,8 @@ impl GroundShapes {
         let map: &RoadMap = &start.map;
         let mut shapes = Self {
             center: start.now(0).position(),
-            drivable: Vec::new(),
-            lines: Vec::new(),
             crosswalks: map.crosswalks.iter().map(|c| vec![c.outline.clone()]).collect(),
-            limits: Vec::new(),
+            ..Self::default()
         };
         for lane in &map.lanes {
             let area = match &lane.area {
@@ -63,7 +61,7 @@ impl GroundShapes {
     pub(crate) fn road(from: Vec2, to: Vec2) -> Self {
         let ring = vec![from, Vec2::new(to.x, from.y), to, Vec2::new(from.x, to.y)];
         let (drivable, limits) = (vec![vec![ring.clone()]], vec![(vec![ring], 8.0)]);
-        Self { center: Vec2::zeros(), drivable, lines: Vec::new(), crosswalks: Vec::new(), limits }
+        Self { drivable, limits, ..Self::default() }
     }
 
     /// Applies a function to every point.

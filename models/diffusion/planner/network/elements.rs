@@ -73,7 +73,7 @@ pub(super) fn matrix(values: Vec<f32>, columns: usize, device: &Device) -> Tenso
 
 /// Returns 1 and 0, `[n, 1]`.
 pub(super) fn column(flags: &[bool], device: &Device) -> Tensor<2> {
-    matrix(flags.iter().map(|flag| f32::from(u8::from(*flag))).collect(), 1, device)
+    matrix(flags.iter().map(|flag| f32::from(*flag)).collect(), 1, device)
 }
 
 /// Returns by element whether any of its mixed numbers is not 0.
@@ -114,7 +114,7 @@ impl AgentEncoder {
         let present = present(&input.agents, AGENT, config.history);
         let with_flag = |step: &[f32]| {
             let there = step[..MIXED].iter().any(|v| *v != 0.0);
-            step[..MIXED].iter().copied().chain([f32::from(u8::from(there))]).collect::<Vec<_>>()
+            step[..MIXED].iter().copied().chain([f32::from(there)]).collect::<Vec<_>>()
         };
         let steps: Vec<f32> = input.agents.chunks(AGENT).flat_map(with_flag).collect();
         let steps = matrix(steps, MIXED + 1, device);

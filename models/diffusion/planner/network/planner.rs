@@ -7,7 +7,7 @@ use reactsim_nn::{CLOSED, Initializer};
 use super::PlannerConfig;
 use super::encoder::Encoder;
 use super::input::PlannerInput;
-use super::transformer::{Condition, Transformer};
+use super::transformer::Transformer;
 use crate::{Guide, Moment, VariancePreserving, solve};
 
 /// Number of steps of the solver, and the time at which it ends.
@@ -30,7 +30,9 @@ pub struct EncodedPlan {
     pub(super) route: Tensor<2>,
     /// Current states, `[1 + predicted, 4]`, normalised.
     current: Tensor<2>,
-    closed: Tensor<4>,
+    /// Added to the scores of trajectories as keys, `[1, 1, 1, 1 + predicted]`: closed if their agent is
+    /// absent.
+    pub(super) closed: Tensor<4>,
 }
 
 impl DiffusionPlanner {
@@ -55,8 +57,7 @@ impl DiffusionPlanner {
     /// Returns the clean trajectories found in noisy ones at a time from 0 to 1, `[samples, 1 + predicted,
     /// 4 (1 + states)]`, normalised: by state x, y, cosine and sine of the heading, the current state first.
     pub fn denoise(&self, scene: &EncodedPlan, noisy: Tensor<3>, time: f64) -> Tensor<3> {
-        let given = Condition { scene: &scene.scene, route: &scene.route, closed: &scene.closed };
-        self.transformer.forward(noisy, time, &given)
+        self.transformer.forward(noisy, time, scene)
     }
 
     /// Samples trajectories by the published solver from noise, `[samples, 1 + predicted, 4 states]`, whose

@@ -9,6 +9,7 @@ use reactsim_nn::{Initializer, MultiHeadAttention, Part, Perceptron, Rows, linea
 use super::PlannerConfig;
 use super::final_layer::{FinalLayer, modulated};
 use super::perceptron::{GELU, GELU_TANH};
+use super::planner::EncodedPlan;
 use super::route::RouteEncoder;
 use super::time::TimeEmbedder;
 
@@ -41,17 +42,6 @@ pub(super) struct Transformer {
     final_layer: FinalLayer,
 }
 
-/// The condition under which trajectories are denoised.
-pub(super) struct Condition<'a> {
-    /// Features of the scene, `[elements, width]`.
-    pub(super) scene: &'a Tensor<2>,
-    /// Encoded route, `[1, width]`.
-    pub(super) route: &'a Tensor<2>,
-    /// Added to the scores of trajectories as keys, `[1, 1, 1, trajectories]`: closed if their agent is
-    /// absent.
-    pub(super) closed: &'a Tensor<4>,
-}
-
 impl TransformerBlock {
     fn init(config: &PlannerConfig, init: &mut Initializer) -> Self {
         let d = config.width;
@@ -68,7 +58,7 @@ impl TransformerBlock {
         }
     }
 
-    fn forward(&self, x: Tensor<2>, changes: &Tensor<2>, samples: usize, given: &Condition<'_>) -> Tensor<2> {
+    fn forward(&self, x: Tensor<2>, changes: &Tensor<2>, samples: usize, given: &EncodedPlan) -> Tensor<2> {
         let [rows, width] = x.dims();
         let gate = |k: usize| changes.clone().narrow(1, k * width, width);
         let inner = modulated(Rows::of(x.clone()).norm(&self.norm1).done(), changes, 0, width);
@@ -104,7 +94,7 @@ impl Transformer {
     }
 
     /// Returns the clean trajectories found in noisy ones, `[samples, trajectories, numbers]`, at a time.
-    pub(super) fn forward(&self, noisy: Tensor<3>, time: f64, given: &Condition<'_>) -> Tensor<3> {
+    pub(super) fn forward(&self, noisy: Tensor<3>, time: f64, given: &EncodedPlan) -> Tensor<3> {
         let [samples, count, numbers] = noisy.dims();
         let device = noisy.device();
         let whose: Vec<i32> = (0..samples * count).map(|row| i32::from(row % count > 0)).collect();

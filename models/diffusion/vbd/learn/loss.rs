@@ -9,6 +9,7 @@ use reactsim_nn::training::{Output, Stream, Sums};
 
 use super::super::network::{Encoded, Vbd, VbdConfig};
 use super::super::sampling::with_av;
+use super::Recipe;
 use super::sample::{AV, Sample, TRUTH};
 use crate::{Schedule, own_motion, standard_normal};
 
@@ -17,15 +18,9 @@ const SCORES: f64 = 0.05;
 
 /// Parts of the loss that stay the same in a training.
 pub(super) struct LossSettings<'a> {
-    pub(super) config: &'a VbdConfig,
+    pub(super) recipe: &'a Recipe,
     pub(super) schedule: &'a Schedule,
     pub(super) anchors: &'a Intentions,
-    /// Weight of the predictor.
-    pub(super) predictor: f64,
-    /// Share of samples in which it learns.
-    pub(super) predicted: f64,
-    /// Weight of overlaps with the AV.
-    pub(super) avoid: f64,
 }
 
 /// Returns the loss of samples. Noise and its level are drawn from the stream.
@@ -36,11 +31,12 @@ pub(super) fn loss(
     stream: &mut Stream,
     device: &Device,
 ) -> Output {
+    let recipe = settings.recipe;
+    let config = &recipe.network;
     let mut total = Tensor::<1>::zeros([1], device);
     let mut items = 0.0;
     let mut metrics = Sums::new();
     for sample in samples {
-        let config = settings.config;
         let agents = sample.agents.len();
         let level = stream.random_range(0..settings.schedule.steps());
         let speeds = sample.seen.speeds(device);
@@ -61,16 +57,16 @@ pub(super) fn loss(
         let weight: f64 = sample.agents.iter().map(|w| f64::from(*w)).sum();
         add(&mut metrics, "denoised", &denoised, weight);
         total = total + denoised;
-        if settings.avoid > 0.0 {
+        if recipe.avoid > 0.0 {
             let overlaps = overlaps_with_av(motion, sample, config);
             add(&mut metrics, "overlap", &overlaps, weight);
-            total = total + overlaps * settings.avoid;
+            total = total + overlaps * recipe.avoid;
         }
-        if stream.random_bool(settings.predicted) {
+        if stream.random_bool(recipe.predicted) {
             let (predicted, scores) = predictor_loss(network, &scene, sample, settings, device);
             add(&mut metrics, "predicted", &predicted, weight);
             add(&mut metrics, "score", &scores, weight);
-            total = total + (predicted + scores * SCORES) * settings.predictor;
+            total = total + (predicted + scores * SCORES) * recipe.predictor;
         }
         items += weight;
     }
@@ -86,7 +82,7 @@ fn predictor_loss(
     settings: &LossSettings<'_>,
     device: &Device,
 ) -> (Tensor<1>, Tensor<1>) {
-    let config = settings.config;
+    let config = &settings.recipe.network;
     let (agents, count) = (sample.agents.len(), settings.anchors.count());
     let behaviours = network.behaviours(scene, sample.seen.anchors(settings.anchors, device), config);
     let numbers = |values: Vec<i32>| Tensor::<1, Int>::from_data(TensorData::new(values, [agents]), device);
@@ -149,7 +145,6 @@ mod tests {
     use reactsim_nn::device;
 
     use super::*;
-    use crate::vbd::inputs::Seen;
 
     #[test]
     fn the_depth_of_overlaps_with_the_av_counts() {
@@ -157,15 +152,8 @@ mod tests {
         // across.
         let config = VbdConfig { actions: 1, hold: 2, ..VbdConfig::default() };
         let av = [10.0, 0.0, 1.0, 0.0, 5.0, 2.0, 10.0, 0.0, 0.0, 1.0, 5.0, 2.0];
-        let sample = Sample {
-            seen: Seen { input: Default::default(), slots: vec![], states: vec![], classes: vec![] },
-            actions: vec![],
-            truth: vec![],
-            weights: vec![0.5, 0.25],
-            av: av.to_vec(),
-            agents: vec![1.0],
-            headings: vec![],
-        };
+        let sample =
+            Sample { weights: vec![0.5, 0.25], av: av.to_vec(), agents: vec![1.0], ..Sample::default() };
         let depth = |places: [[f32; 2]; 2]| {
             let motion = places.map(|[x, y]| [x, y, 0.0, 0.0, 0.0]).concat();
             let motion = Tensor::from_data(TensorData::new(motion, [1, 2, 5]), &device());

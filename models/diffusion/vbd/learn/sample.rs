@@ -18,7 +18,7 @@ pub(super) const AV: usize = 6;
 const MARGIN: f64 = 0.3;
 
 /// Training sample of one scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Sample {
     pub(super) seen: Seen,
     /// Normalised actions, `[agents, actions, 2]`; 0 where unknown.
@@ -53,15 +53,7 @@ pub(super) fn sample(
     let lights = scene.lights_at(now);
     let view = scene.view(&scene.tracks, now, false, &lights);
     let seen = Seen::of(&view, &map, &recipe.sight)?;
-    let mut sample = Sample {
-        actions: Vec::new(),
-        truth: Vec::new(),
-        weights: Vec::new(),
-        av: Vec::new(),
-        agents: Vec::new(),
-        headings: Vec::new(),
-        seen,
-    };
+    let mut sample = Sample { seen, ..Sample::default() };
     let av = sample.seen.states[0].position();
     for i in 0..sample.seen.slots.len() {
         let slot = sample.seen.slots[i];
@@ -136,7 +128,7 @@ impl Sample {
         for state in &future[1..=states] {
             let (at, yaw) = state.as_ref().map(local).unwrap_or_default();
             self.truth.extend([at.x, at.y, yaw].map(|v| v as f32));
-            self.weights.push(f32::from(u8::from(state.is_some())));
+            self.weights.push(f32::from(state.is_some()));
         }
         let known: f32 = self.weights[first..].iter().sum();
         let weight = if known > 0.0 { weight as f32 } else { 0.0 };

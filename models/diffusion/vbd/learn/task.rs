@@ -101,14 +101,8 @@ impl Task for Denoising {
     }
 
     fn loss(&self, model: &Vbd, samples: &[Sample], stream: Option<&mut Stream>) -> Output {
-        let settings = LossSettings {
-            config: &self.recipe.network,
-            schedule: &self.schedule,
-            anchors: &self.anchors,
-            predictor: self.recipe.predictor,
-            predicted: self.recipe.predicted,
-            avoid: self.recipe.avoid,
-        };
+        let settings =
+            LossSettings { recipe: &self.recipe, schedule: &self.schedule, anchors: &self.anchors };
         let device = self.origin.device(stream.is_some());
         // Validation has no stream: the same noise every time.
         loss(model, samples, &settings, stream.unwrap_or(&mut Stream::seed_from_u64(0)), &device)
@@ -127,11 +121,7 @@ impl SimulatorTask for Denoising {
     fn controller(&self, network: &Vbd) -> Result<Controller, String> {
         let parameters = VBD.parameters().map_err(|e| e.to_string())?;
         let policy = self.policy(network);
-        Ok(Controller::Fair(Box::new(VbdSimulator::new(
-            VBD.id,
-            policy,
-            parameters,
-            self.origin.device(false),
-        ))))
+        let simulator = VbdSimulator::new(VBD.id, policy, parameters, self.origin.device(false));
+        Ok(Controller::Fair(Box::new(simulator)))
     }
 }

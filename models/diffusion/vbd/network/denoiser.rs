@@ -7,10 +7,9 @@ use reactsim_nn::{CLOSED, Initializer, Perceptron, PerceptronKind};
 
 use super::config::VbdConfig;
 use super::cross_block::{CrossBlock, KeysValues};
-use super::encoded::Encoded;
 use super::pairs::Pairs;
 use super::perceptrons::ELU;
-use super::scene_encoder::rows_of;
+use super::scene_encoder::{Encoded, rows_of};
 use super::surroundings::Surroundings;
 
 /// Numbers of a state: x, y (m), yaw (rad), vx, vy (m/s).

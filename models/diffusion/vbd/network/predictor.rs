@@ -6,8 +6,8 @@ use reactsim_nn::{Initializer, Perceptron, PerceptronKind};
 
 use super::config::VbdConfig;
 use super::cross_block::CrossBlock;
-use super::encoded::Encoded;
 use super::perceptrons::ELU;
+use super::scene_encoder::Encoded;
 
 /// Predicts behaviours.
 #[derive(Module, Debug)]

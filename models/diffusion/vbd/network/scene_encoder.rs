@@ -6,7 +6,6 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 use reactsim_nn::{CLOSED, FourierEmbedding, Initializer, Perceptron, PerceptronKind};
 
 use super::config::VbdConfig;
-use super::encoded::Encoded;
 use super::encoder_layer::EncoderLayer;
 use super::input::{SceneInput, agent_size, relation_size};
 use super::pairs::Pairs;
@@ -52,6 +51,22 @@ pub(super) struct SceneEncoder {
     traffic_light_encoder: LightEncoder,
     relation_encoder: FourierEmbedding,
     transformer_encoder: EncoderLayers,
+}
+
+/// Features of the elements of a scene, and their surroundings.
+#[derive(Clone, Debug)]
+pub struct Encoded {
+    /// `[elements, width]`.
+    pub(super) elements: Tensor<2>,
+    /// The elements that each element attends to.
+    pub(super) surroundings: Surroundings,
+}
+
+impl Encoded {
+    /// Returns the features of the first `agents` elements, `[agents, width]`.
+    pub(super) fn agents(&self, agents: usize) -> Tensor<2> {
+        self.elements.clone().narrow(0, 0, agents)
+    }
 }
 
 impl SceneEncoder {

@@ -6,10 +6,9 @@ use reactsim_nn::Initializer;
 
 use super::config::VbdConfig;
 use super::denoiser::{Denoiser, DenoisingScene};
-use super::encoded::Encoded;
 use super::input::SceneInput;
 use super::predictor::{Behaviours, Predictor};
-use super::scene_encoder::SceneEncoder;
+use super::scene_encoder::{Encoded, SceneEncoder};
 use crate::own_motion;
 
 /// Scene encoder, predictor of behaviours, denoiser.

@@ -55,11 +55,11 @@ pub(super) fn histories(
 /// History of an agent.
 #[derive(Clone, Copy, Debug)]
 struct AgentHistory<'a> {
-    pub agent: &'a Agent,
-    pub track: &'a [Frame],
-    pub now: usize,
-    pub is_target: bool,
-    pub is_av: bool,
+    agent: &'a Agent,
+    track: &'a [Frame],
+    now: usize,
+    is_target: bool,
+    is_av: bool,
 }
 
 impl AgentHistory<'_> {
@@ -87,11 +87,11 @@ impl AgentHistory<'_> {
             // The public code misspells one class, so that its networks never see that flag on
             // pedestrians.
             let marked = own || kind != AgentKind::Pedestrian;
-            put(flag(self.agent.kind == kind && marked));
+            put(f64::from(self.agent.kind == kind && marked));
         }
-        put(flag(self.is_target));
-        put(flag(self.is_av));
-        (0..HISTORY).for_each(|i| put(flag(i == k)));
+        put(f64::from(self.is_target));
+        put(f64::from(self.is_av));
+        (0..HISTORY).for_each(|i| put(f64::from(i == k)));
         put(k as f64 * DT);
         let toward = frame.toward(state.heading);
         put(toward.y);
@@ -118,8 +118,4 @@ impl AgentHistory<'_> {
                 .for_each(put);
         }
     }
-}
-
-fn flag(on: bool) -> f64 {
-    f64::from(u8::from(on))
 }

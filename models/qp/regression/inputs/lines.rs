@@ -124,11 +124,17 @@ impl Lines {
         lights: &[Option<LightState>],
         config: &Config,
     ) -> PolylineFeatures {
-        let mut features =
-            PolylineFeatures::absent(config.points, config.lines, point_numbers(config.attributes));
+        let numbers = point_numbers(config.attributes);
+        let mut features = PolylineFeatures::absent(config.points, config.lines, numbers);
         for (row, &i) in rows.iter().enumerate() {
             let line = &self.all[i];
-            line.write_row(row, config.lines, frame, line.state(lights), config, &mut features);
+            let light = line.state(lights);
+            for k in 0..line.points.len() {
+                let at = k * config.lines + row;
+                features.there[at] = 1.0;
+                let out = &mut features.points[at * numbers..(at + 1) * numbers];
+                line.write(k, frame, light, config.attributes, out);
+            }
         }
         features
     }
@@ -153,7 +159,7 @@ const LIGHT_FEATURES: usize = 4;
 
 /// Returns whether a light is red, yellow, green, or shows something else.
 fn light_features(light: Option<LightState>) -> [f64; LIGHT_FEATURES] {
-    let shown = |f: fn(LightState) -> bool| f64::from(u8::from(light.is_some_and(f)));
+    let shown = |f: fn(LightState) -> bool| f64::from(light.is_some_and(f));
     [
         shown(LightState::is_red),
         shown(LightState::is_yellow),
@@ -190,25 +196,7 @@ impl Line {
         self.light.and_then(|light| lights.get(light).copied().flatten())
     }
 
-    /// Writes the features of all its points as row `row` of `rows`.
-    fn write_row(
-        &self,
-        row: usize,
-        rows: usize,
-        frame: &LocalFrame,
-        light: Option<LightState>,
-        config: &Config,
-        out: &mut PolylineFeatures,
-    ) {
-        let numbers = point_numbers(config.attributes);
-        for k in 0..self.points.len() {
-            let at = k * rows + row;
-            out.there[at] = 1.0;
-            let out = &mut out.points[at * numbers..(at + 1) * numbers];
-            self.write(k, frame, light, config.attributes, out);
-        }
-    }
-
+    /// Writes the features of its `k`-th point.
     fn write(
         &self,
         k: usize,
@@ -226,11 +214,8 @@ impl Line {
         let ahead = if chord.norm() > 1e-6 { chord.normalize() } else { Vec2::zeros() };
         match attributes {
             Attributes::Published => {
-                let kind = self.kind.published().unwrap_or(-1.0);
-                let values = [point.x, point.y, 0.0, ahead.x, ahead.y, 0.0];
-                put(out, &values);
-                out[6] = kind;
-                put(&mut out[7..], &[before.x, before.y]);
+                let kind = f64::from(self.kind.published().unwrap_or(-1.0));
+                put(out, &[point.x, point.y, 0.0, ahead.x, ahead.y, 0.0, kind, before.x, before.y]);
             }
             Attributes::Own => {
                 let step = point - before;
@@ -238,15 +223,9 @@ impl Line {
                 if let Some(kind) = self.kind.own() {
                     out[6 + kind] = 1.0;
                 }
-                let light = light_features(light);
-                put(&mut out[6 + KINDS..], &light);
-                put(
-                    &mut out[6 + KINDS + LIGHT_FEATURES..],
-                    &[
-                        self.speed_limit.map_or(0.0, |v| v / 20.0),
-                        f64::from(u8::from(self.speed_limit.is_some())),
-                    ],
-                );
+                let limit = self.speed_limit.map_or([0.0, 0.0], |v| [v / 20.0, 1.0]);
+                put(&mut out[6 + KINDS..], &light_features(light));
+                put(&mut out[6 + KINDS + LIGHT_FEATURES..], &limit);
             }
         }
     }

@@ -81,5 +81,5 @@ fn last_displacement(mode: &[f32], target: &Target) -> Option<(f64, f64)> {
     let speed = target.around.velocity().norm();
     let scale = 0.5 + 0.5 * ((speed - SLOW_SPEED) / (FAST_SPEED - SLOW_SPEED)).clamp(0.0, 1.0);
     let missed = at.x.abs() > MISS_ALONG * scale || at.y.abs() > MISS_ACROSS * scale;
-    Some((at.norm(), f64::from(u8::from(missed))))
+    Some((at.norm(), f64::from(missed)))
 }

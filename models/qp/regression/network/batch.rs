@@ -32,17 +32,6 @@ pub(crate) struct TokenPlaces {
     pub positions: Tensor<2>,
 }
 
-/// Agents and lines in the frames of the predicted agents.
-#[derive(Clone, Debug)]
-pub(crate) struct AgentInput {
-    /// Histories of agents.
-    pub agents: Polylines,
-    /// Lines of the map.
-    pub lines: Polylines,
-    /// `[scenes, 1, tokens, tokens]`: added to scores; the nearest tokens are open.
-    pub neighbours: Tensor<4>,
-}
-
 /// Input of the network. A scene is the surroundings of one predicted agent.
 #[derive(Clone, Debug)]
 pub(crate) struct Batch {
@@ -50,8 +39,12 @@ pub(crate) struct Batch {
     pub scenes: usize,
     /// Motion queries per scene.
     pub queries: usize,
-    /// Agents and lines, for the encoder.
-    pub encoder: AgentInput,
+    /// Histories of agents.
+    pub agent_points: Polylines,
+    /// Lines of the map.
+    pub line_points: Polylines,
+    /// `[scenes, 1, tokens, tokens]`: added to scores; the nearest tokens are open.
+    pub neighbours: Tensor<4>,
     /// Where agents are.
     pub agents: TokenPlaces,
     /// Where lines are.
@@ -96,7 +89,7 @@ impl Batch {
         let there = |rows: usize, there: usize| (0..rows).map(move |i| i < there);
         let lines_any: Vec<f32> = scenes
             .iter()
-            .flat_map(|s| std::iter::repeat_n(if s.line_places.is_empty() { 0.0 } else { 1.0 }, queries))
+            .flat_map(|s| std::iter::repeat_n(f32::from(!s.line_places.is_empty()), queries))
             .collect();
         let agents_closed: Vec<f32> = scenes
             .iter()
@@ -106,11 +99,15 @@ impl Batch {
         let base = |s: &&Surroundings| {
             there(s.line_places.len(), config.base_lines.min(s.line_places.len())).collect::<Vec<_>>()
         };
+        let (agent_numbers, point_numbers) =
+            (agent_numbers(config.attributes), point_numbers(config.attributes));
         let rows = scenes.len();
         Self {
             scenes: rows,
             queries,
-            encoder: encoder_input(scenes, config, device),
+            agent_points: polylines(scenes.iter().map(|s| &s.agents), HISTORY, agent_numbers, device),
+            line_points: polylines(scenes.iter().map(|s| &s.lines), config.points, point_numbers, device),
+            neighbours: neighbours(scenes, config, device),
             agents: places(scenes.iter().map(|s| s.agent_places.as_slice()), config.agents, device),
             lines: places(scenes.iter().map(|s| s.line_places.as_slice()), config.lines, device),
             agents_closed: tensor4(agents_closed, [rows, 1, 1, config.agents], device),
@@ -165,20 +162,11 @@ fn places<'a>(scenes: impl Iterator<Item = &'a [[f32; 2]]>, rows: usize, device:
     for scene in scenes {
         for i in 0..rows {
             let place = scene.get(i);
-            there.push(if place.is_some() { 1.0 } else { 0.0 });
+            there.push(f32::from(place.is_some()));
             positions.extend(place.copied().unwrap_or_default());
         }
     }
     TokenPlaces { there: tensor2(there, 1, device), positions: tensor2(positions, 2, device) }
-}
-
-fn encoder_input(scenes: &[&Surroundings], config: &Config, device: &Device) -> AgentInput {
-    let (agent, point) = (agent_numbers(config.attributes), point_numbers(config.attributes));
-    AgentInput {
-        agents: polylines(scenes.iter().map(|scene| &scene.agents), HISTORY, agent, device),
-        lines: polylines(scenes.iter().map(|scene| &scene.lines), config.points, point, device),
-        neighbours: neighbours(scenes, config, device),
-    }
 }
 
 /// Returns the attention mask of the nearest tokens of each scene.

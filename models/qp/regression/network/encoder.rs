@@ -75,11 +75,12 @@ impl Encoder {
 
     /// Encodes agents and lines in the frames of the predicted agents.
     pub(crate) fn forward(&self, batch: &Batch, config: &Config, observed: &mut Observed) -> Tokens {
-        let (input, scenes, width) = (&batch.encoder, batch.scenes, config.width);
+        let (scenes, width) = (batch.scenes, config.width);
         let (a, l) = (config.agents, config.lines);
         let agents =
-            self.agent_polyline_encoder.forward(&input.agents, observed) * batch.agents.there.clone();
-        let lines = self.map_polyline_encoder.forward(&input.lines, observed) * batch.lines.there.clone();
+            self.agent_polyline_encoder.forward(&batch.agent_points, observed) * batch.agents.there.clone();
+        let lines =
+            self.map_polyline_encoder.forward(&batch.line_points, observed) * batch.lines.there.clone();
         let join = |agents: Tensor<2>, lines: Tensor<2>, width: usize| {
             let both = vec![agents.reshape([scenes, a, width]), lines.reshape([scenes, l, width])];
             Tensor::cat(both, 1).reshape([scenes * (a + l), width])
@@ -88,7 +89,7 @@ impl Encoder {
         let positions = join(batch.agents.positions.clone(), batch.lines.positions.clone(), 2);
         let positions = sine(positions, width);
         for layer in &self.self_attn_layers {
-            x = layer.forward(x, positions.clone(), input.neighbours.clone());
+            x = layer.forward(x, positions.clone(), batch.neighbours.clone());
         }
         let x = x.reshape([scenes, a + l, width]);
         Tokens {

@@ -6,7 +6,7 @@ use reactsim_nn::learning::Intentions;
 use reactsim_nn::perception::Class;
 use reactsim_nn::{CLOSED, Initializer, device};
 
-use super::batch::{AgentInput, Polylines, TokenPlaces, nearest_tokens};
+use super::batch::{Polylines, TokenPlaces, nearest_tokens};
 use super::{Batch, Config, Network, STATE};
 use crate::regression::predict::kept_modes;
 
@@ -53,14 +53,14 @@ fn polylines(
     for k in 0..count {
         for &row in order {
             let at = row * count + k;
-            let is_there = f32::from(u8::from(there[at]));
+            let is_there = f32::from(there[at]);
             points.extend_from_slice(&features[at * numbers..(at + 1) * numbers]);
             points.extend(with_mask.then_some(is_there));
             points_there.push(is_there);
         }
     }
     let any = |row: usize| there[row * count..(row + 1) * count].iter().any(|t| *t);
-    let rows_there: Vec<f32> = order.iter().map(|&row| f32::from(u8::from(any(row)))).collect();
+    let rows_there: Vec<f32> = order.iter().map(|&row| f32::from(any(row))).collect();
     let positions: Vec<f32> = order.iter().flat_map(|&row| [places[row][0], places[row][1]]).collect();
     let matrix = |values: Vec<f32>, columns: usize| {
         let rows = values.len() / columns;
@@ -124,11 +124,9 @@ fn batch(file: &GoldenFile, intentions: &Intentions, device: &Device) -> (Batch,
     let batch = Batch {
         scenes,
         queries,
-        encoder: AgentInput {
-            agents: agent_points,
-            lines: line_points,
-            neighbours: nearest_tokens(&tokens, &CONFIG, device),
-        },
+        agent_points,
+        line_points,
+        neighbours: nearest_tokens(&tokens, &CONFIG, device),
         agents,
         lines,
         agents_closed: closed,

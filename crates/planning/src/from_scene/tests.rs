@@ -1,83 +1,63 @@
 //! Histories of rollouts of scenarios made by hand.
 
 use reactsim_geometry::{Polygon, Vec2};
-use reactsim_planning::from_scene::SceneHistory;
-use reactsim_planning::map::{DrivableArea, Intersections};
-use reactsim_planning::metrics::{Label, MetricValue, PlannerMetric, UndefinedReason};
-use reactsim_planning::{EgoShape, ObjectKind};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, FRAMES, Frame, LaneClass, LaneKind, LaneParts, Length, LoggedAgent,
-    MapParts, NeighborParts, RoadEdge, RoadEdgeKind, Scenario, ScenarioParts,
+    AgentKind, AgentState, Frame, LaneClass, LaneKind, LaneParts, Length, LoggedAgent, RoadEdge,
+    RoadEdgeKind, Scenario, ScenarioParts,
 };
 
-use crate::drive::v;
+use super::SceneHistory;
+use crate::fixtures::scenes::{self, beside, straight_track};
+use crate::map::{DrivableArea, Intersections};
+use crate::metrics::{Label, MetricValue, PlannerMetric, UndefinedReason};
+use crate::{EgoShape, ObjectKind};
 
 const CAR: [f64; 2] = [5.176, 2.297];
 
-fn agent(id: &str, kind: AgentKind, [length, width]: [f64; 2], start: Vec2, speed: f64) -> LoggedAgent {
-    let state = |frame: usize| {
-        let x = start.x + speed * (frame as f64 - 10.0) * 0.1;
-        Some(AgentState { x, y: start.y, heading: 0.0, vx: speed, vy: 0.0 })
-    };
-    let agent = Agent { id: id.to_owned(), kind, length, width };
-    LoggedAgent { agent, track: (0..FRAMES).map(state).collect(), heights: Vec::new() }
+fn v(x: f64, y: f64) -> Vec2 {
+    Vec2::new(x, y)
 }
 
-fn lane(id: &str, kind: LaneKind, x: [f64; 2], y: f64) -> LaneParts {
-    LaneParts {
-        id: id.to_owned(),
-        kind,
-        speed_limit: Some(13.0),
-        points: vec![v(x[0], y), v(x[1], y)],
-        ..LaneParts::default()
-    }
+fn agent(id: &str, kind: AgentKind, [length, width]: [f64; 2], start: Vec2, speed: f64) -> LoggedAgent {
+    let mut logged = scenes::agent(id, kind, straight_track(start.x, start.y, speed));
+    (logged.agent.length, logged.agent.width) = (length, width);
+    logged
+}
+
+fn lane(id: &str, kind: LaneKind, x: [f64; 2], y: f64, successors: &[&str]) -> LaneParts {
+    LaneParts { kind, speed_limit: Some(13.0), ..scenes::lane(id, &[(x[0], y), (x[1], y)], successors) }
 }
 
 /// Two parallel lanes, `a` and `b`, with a connector behind each, which lead to `a2` and `b2`; and a bike
 /// lane.
 fn lanes() -> Vec<LaneParts> {
-    let mut lanes = Vec::new();
+    let bikes = lane("bikes", LaneKind::Lane, [-50.0, 200.0], -1.0, &[]);
+    let mut lanes = vec![LaneParts { class: LaneClass::Bike, ..bikes }];
     for (name, y) in [("a", 0.0), ("b", 3.5)] {
-        let mut before = lane(name, LaneKind::Lane, [-50.0, 40.0], y);
-        let mut connector = lane(&format!("c{name}"), LaneKind::Connector, [40.0, 60.0], y);
-        let mut after = lane(&format!("{name}2"), LaneKind::Lane, [60.0, 200.0], y);
-        (before.successors, connector.successors) = (vec![connector.id.clone()], vec![after.id.clone()]);
-        (connector.predecessors, after.predecessors) = (vec![before.id.clone()], vec![connector.id.clone()]);
-        lanes.extend([before, connector, after]);
+        let (connector, after) = (format!("c{name}"), format!("{name}2"));
+        lanes.extend([
+            lane(name, LaneKind::Lane, [-50.0, 40.0], y, &[&connector]),
+            lane(&connector, LaneKind::Connector, [40.0, 60.0], y, &[&after]),
+            lane(&after, LaneKind::Lane, [60.0, 200.0], y, &[]),
+        ]);
     }
-    for suffix in ["", "2"] {
-        let beside = |of: &str| NeighborParts {
-            lane: format!("{of}{suffix}"),
-            self_start: 0,
-            self_end: 1,
-            other_start: 0,
-            other_end: 1,
-        };
-        let find = |id: &str| lanes.iter().position(|lane| lane.id == format!("{id}{suffix}")).unwrap();
-        let (a, b) = (find("a"), find("b"));
-        lanes[a].left.push(beside("b"));
-        lanes[b].right.push(beside("a"));
+    for [right, left] in [["a", "b"], ["a2", "b2"]] {
+        let find = |id: &str| lanes.iter().position(|lane| lane.id == id).unwrap();
+        let (a, b) = (find(right), find(left));
+        lanes[a].left.push(beside(left));
+        lanes[b].right.push(beside(right));
     }
-    let mut bikes = lane("bikes", LaneKind::Lane, [-50.0, 200.0], -1.0);
-    bikes.class = LaneClass::Bike;
-    lanes.insert(0, bikes);
     lanes
 }
 
 fn scenario(change: impl FnOnce(&mut ScenarioParts)) -> Scenario {
-    let mut parts = ScenarioParts {
-        id: "by-hand".to_owned(),
-        source: "test".to_owned(),
-        origin: Some(Vec2::zeros()),
-        agents: vec![
-            agent("av", AgentKind::Vehicle, CAR, v(0.0, 0.0), 10.0),
-            agent("walker", AgentKind::Pedestrian, [0.8, 0.8], v(30.0, 8.0), 1.0),
-            agent("rider", AgentKind::Cyclist, [1.8, 0.6], v(20.0, 3.5), 6.0),
-            agent("cone", AgentKind::Other, [0.4, 0.4], v(10.0, 8.0), 0.0),
-        ],
-        map: MapParts { lanes: lanes(), ..MapParts::default() },
-        ..ScenarioParts::default()
-    };
+    let agents = vec![
+        agent("av", AgentKind::Vehicle, CAR, v(0.0, 0.0), 10.0),
+        agent("walker", AgentKind::Pedestrian, [0.8, 0.8], v(30.0, 8.0), 1.0),
+        agent("rider", AgentKind::Cyclist, [1.8, 0.6], v(20.0, 3.5), 6.0),
+        agent("cone", AgentKind::Other, [0.4, 0.4], v(10.0, 8.0), 0.0),
+    ];
+    let mut parts = scenes::parts(agents, lanes());
     change(&mut parts);
     Scenario::assemble(parts).unwrap()
 }
@@ -217,7 +197,7 @@ fn rollouts_that_do_not_fit_are_refused() {
     let absent = SceneHistory::of_rollout(&scenario, &tracks).unwrap_err();
     assert!(absent.to_string().contains("the AV has no finite state at every frame"), "{absent}");
     let few = SceneHistory::of_rollout(&scenario, &logged(&scenario)[..2]).unwrap_err();
-    assert_eq!(few.to_string(), "scenario `by-hand`: 2 tracks for 3 agents; give one track per agent");
+    assert_eq!(few.to_string(), "scenario `made`: 2 tracks for 3 agents; give one track per agent");
 }
 
 #[test]
