@@ -344,32 +344,24 @@ fn entries(
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 struct RawFile {
     format: String,
-    #[serde(default)]
     frame: Option<String>,
     deviations: Vec<RawTrajectory>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 struct RawTrajectory {
     scenario_id: String,
-    #[serde(default)]
     category: Option<String>,
-    #[serde(default)]
     maneuver: Option<String>,
-    #[serde(default)]
     scenario_digest: Option<String>,
     x: Vec<Option<f64>>,
     y: Vec<Option<f64>>,
     heading: Vec<Option<f64>>,
-    #[serde(default)]
     vx: Option<Vec<Option<f64>>>,
-    #[serde(default)]
     vy: Option<Vec<Option<f64>>>,
 }
 
