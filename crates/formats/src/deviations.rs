@@ -9,7 +9,7 @@ use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentState, Certificate, Deviation, FUTURE, Frame};
 use serde::Deserialize;
 
-use super::certificates::{self, READ_COLUMNS};
+use super::certificates;
 use super::error::{Cause, FormatError};
 use super::format::{is_parquet, read_whole};
 use super::states::{self, StateColumns};
@@ -21,8 +21,8 @@ const JSON_FORMAT: &str = "reactsim-deviations-v1";
 pub const KIND: &str = "reactsim-deviations";
 /// Version of the Parquet schema.
 pub const VERSION: u32 = 1;
-/// Columns that are read; files of curations have many more.
-const COLUMNS: &[&str] = &[
+/// Columns that are read besides those of certificates; files of curations have many more.
+const COLUMNS: [&str; 14] = [
     "scenario_id",
     "category",
     "maneuver",
@@ -37,20 +37,6 @@ const COLUMNS: &[&str] = &[
     "heading",
     "vx",
     "vy",
-    READ_COLUMNS[0],
-    READ_COLUMNS[1],
-    READ_COLUMNS[2],
-    READ_COLUMNS[3],
-    READ_COLUMNS[4],
-    READ_COLUMNS[5],
-    READ_COLUMNS[6],
-    READ_COLUMNS[7],
-    READ_COLUMNS[8],
-    READ_COLUMNS[9],
-    READ_COLUMNS[10],
-    READ_COLUMNS[11],
-    READ_COLUMNS[12],
-    READ_COLUMNS[13],
 ];
 /// Column that only files of curations have: their trajectories begin with the current frame.
 const CURATED: &str = "candidate";
@@ -202,10 +188,10 @@ impl Rows<'_> {
     fn read_parquet(&mut self) -> Result<(), FormatError> {
         let mut table = TableReader::open(self.path)?;
         table.expect(KIND, VERSION)?;
-        table.only(match self.wanted {
-            Wanted::Chosen => COLUMNS,
-            Wanted::All => &COLUMNS[..COLUMNS.len() - READ_COLUMNS.len()],
-        });
+        match self.wanted {
+            Wanted::Chosen => table.only(COLUMNS.into_iter().chain(certificates::read_columns())),
+            Wanted::All => table.only(COLUMNS),
+        }
         let file = |cause| FormatError::file(self.path, cause);
         let origin = states::table_origin(&table).map_err(file)?;
         let mut skipped = 0;

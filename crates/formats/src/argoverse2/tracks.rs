@@ -59,7 +59,7 @@ pub(super) struct Track {
 impl Tracks {
     pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
         let mut table = TableReader::open(path)?;
-        table.only(COLUMNS);
+        table.only(COLUMNS.iter().copied());
         let mut tracks = Self::default();
         while let Some(batch) = table.next_batch() {
             let read = tracks.add(&batch?);
@@ -75,7 +75,7 @@ impl Tracks {
     /// Reads the id of the scenario from the first row of a table; `None` if this fails.
     pub(super) fn scenario_id(path: &Path) -> Option<String> {
         let mut table = TableReader::open(path).ok()?;
-        table.only(&["scenario_id"]);
+        table.only(["scenario_id"]);
         let batch = table.next_batch()?.ok()?;
         let ids = View::need(&batch, "scenario_id", Leaf::Text, 0).ok()?;
         (batch.num_rows() > 0).then(|| ids.text(0).map(str::to_owned)).flatten()
