@@ -215,18 +215,11 @@ fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> Lan
         let kept = fids.iter().filter(|fid| taken.contains(fid) || !map.lanes.contains_key(fid));
         kept.map(i64::to_string).collect()
     };
-    let last = |points: &[Vec2]| u32::try_from(points.len().saturating_sub(1)).unwrap_or(u32::MAX);
-    let neighbors = |other: Option<i64>| -> Vec<NeighborParts> {
-        let other = other.filter(|fid| taken.contains(fid)).and_then(|fid| Some((fid, map.lanes.get(&fid)?)));
-        let whole = |(fid, other): (i64, &MapLane)| NeighborParts {
-            lane: fid.to_string(),
-            self_start: 0,
-            self_end: last(&lane.baseline),
-            other_start: 0,
-            other_end: last(&other.baseline),
-        };
-        other.map(whole).into_iter().collect()
+    let neighbor = |fid: i64| {
+        let other = map.lanes.get(&fid).filter(|_| taken.contains(&fid))?;
+        Some(NeighborParts::whole(fid.to_string(), lane.baseline.len(), other.baseline.len()))
     };
+    let [left, right] = lane.neighbors.map(|other| other.and_then(neighbor).into_iter().collect());
     LaneParts {
         id: fid.to_string(),
         kind: if lane.is_connector { LaneKind::Connector } else { LaneKind::Lane },
@@ -240,8 +233,8 @@ fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> Lan
         },
         successors: names(&lane.outgoing),
         predecessors: names(&lane.incoming),
-        left: neighbors(lane.neighbors[0]),
-        right: neighbors(lane.neighbors[1]),
+        left,
+        right,
     }
 }
 
