@@ -75,7 +75,6 @@ pub(super) struct Stop {
 #[derive(Clone, Debug)]
 pub(super) struct Area {
     /// Fid in its layer.
-    #[cfg_attr(not(test), allow(dead_code, reason = "identifies areas in tests"))]
     pub(super) fid: i64,
     pub(super) polygons: Vec<Polygon>,
     pub(super) bounds: Bounds,
