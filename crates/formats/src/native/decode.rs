@@ -463,12 +463,12 @@ impl Rows {
         if views[0].range(0, row).is_empty() {
             return Ok(None);
         }
-        let category = match self.view("deviation_category").text(row) {
-            None => None,
-            Some(name) => Some(Deviation::from_name(name).ok_or_else(|| {
-                wrong("deviation_category", format!("`{name}`"), "longitudinal, lateral or directional")
-            })?),
+        let category = |name| {
+            let expected = "longitudinal, lateral or directional";
+            Deviation::from_name(name)
+                .ok_or_else(|| wrong("deviation_category", format!("`{name}`"), expected))
         };
+        let category = self.view("deviation_category").text(row).map(category).transpose()?;
         let track = track(views, views.map(|v| v.range(0, row)))?;
         Ok(Some(DeviationParts { category, track, certificate: self.certificates[row].clone() }))
     }
