@@ -53,24 +53,17 @@ pub struct Contact {
     pub fault: Fault,
 }
 
-/// First contacts of all objects.
-struct Contacts(Vec<Option<Contact>>);
-
-impl Judgement for Contacts {
+impl Judgement for Vec<Option<Contact>> {
     fn compute(case: &Case<'_>) -> Self {
         let overlaps = av_overlaps(case);
-        let mut contacts = vec![None; case.objects.len()];
-        for i in case.vehicles() {
-            contacts[i] = first_contact(case, i, overlaps);
-        }
-        Self(contacts)
+        case.of_vehicles(|i| first_contact(case, i, overlaps))
     }
 }
 
 /// Returns the first contact of every object with the AV; `None` for objects without a contact or that are
 /// not evaluated vehicles.
 pub(super) fn contacts<'c>(case: &'c Case<'_>) -> &'c [Option<Contact>] {
-    &case.judgement::<Contacts>().0
+    case.judgement::<Vec<Option<Contact>>>()
 }
 
 /// Returns the distance of a vehicle from its logged position at the step of a contact, metres; `None`

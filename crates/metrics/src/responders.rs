@@ -47,20 +47,16 @@ pub(super) fn excess(value: f64, other: f64) -> f64 {
     if difference > ROUNDING { difference } else { 0.0 }
 }
 
-struct Responders(Option<Vec<Responder>>);
-
-impl Judgement for Responders {
+impl Judgement for Option<Vec<Responder>> {
     fn compute(case: &Case<'_>) -> Self {
-        Self(case.certificate.map(|certificate| {
-            let direct = certificate.responses.iter().filter(|r| r.leader.is_none());
-            direct.filter_map(|response| responder(case, response)).collect()
-        }))
+        let direct = case.certificate?.responses.iter().filter(|r| r.leader.is_none());
+        Some(direct.filter_map(|response| responder(case, response)).collect())
     }
 }
 
 /// Returns the direct responders of a case, in the order of the certificate; `None` without a certificate.
 pub(super) fn responders<'c>(case: &'c Case<'_>) -> Option<&'c [Responder]> {
-    case.judgement::<Responders>().0.as_deref()
+    case.judgement::<Option<Vec<Responder>>>().as_deref()
 }
 
 /// Builds the responder of a response; `None` for an agent that is not evaluated: unknown, absent at the

@@ -29,22 +29,16 @@ pub struct Approach {
     pub risky: Option<(usize, usize)>,
 }
 
-struct Approaches(Vec<Option<Approach>>);
-
-impl Judgement for Approaches {
+impl Judgement for Vec<Option<Approach>> {
     fn compute(case: &Case<'_>) -> Self {
         let overlaps = av_overlaps(case);
-        let mut approaches = vec![None; case.objects.len()];
-        for i in case.vehicles() {
-            approaches[i] = Some(approach(case, i, overlaps));
-        }
-        Self(approaches)
+        case.of_vehicles(|i| Some(approach(case, i, overlaps)))
     }
 }
 
 /// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
 pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
-    &case.judgement::<Approaches>().0
+    case.judgement::<Vec<Option<Approach>>>()
 }
 
 fn approach(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Approach {
