@@ -5,9 +5,10 @@ use std::f64::consts::PI;
 use reactsim_geometry::{Polygon, Vec2};
 use reactsim_metrics::{Case, Metrics, Options, Score, Scores};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, LaneArea, LaneParts, LoggedAgent, MapParts,
-    Scenario, ScenarioParts,
+    AgentState, CURRENT, DT, FRAMES, Frame, LaneArea, LaneParts, MapParts, Scenario, ScenarioParts,
 };
+
+use super::scenes::car;
 
 /// First step of `late`.
 const ENTERS: usize = 20;
@@ -45,11 +46,6 @@ fn road() -> MapParts {
 /// Returns the scores of a rollout in which `early` and `late` drive these tracks, of which the steps without
 /// them are cut. Their logs are straight drives at 10 m/s, from −100 m and 0 m.
 fn scores(options: Options, mut early: Vec<Frame>, mut late: Vec<Frame>) -> Scores {
-    let car = |id: &str, track: Vec<Frame>| LoggedAgent {
-        agent: Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
-        track,
-        heights: Vec::new(),
-    };
     let mut entering = straight(0.0, 0.0, 10.0);
     entering[..CURRENT + ENTERS].fill(None);
     let av = straight(-400.0, 0.0, 0.0);

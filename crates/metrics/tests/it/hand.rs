@@ -3,19 +3,11 @@
 use reactsim_geometry::{Polygon, Polyline, Vec2};
 use reactsim_metrics::{Case, DirTracking, LoggedTrack, METRICS, Object, Options, Score, metric, score_case};
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, CURRENT, DT, FRAMES, Frame, HISTORY, Lane, LaneArea, LaneClass, LaneKind,
-    LoggedAgent, MapIndex, Road, RoadMap,
+    AgentState, CURRENT, DT, FRAMES, Frame, HISTORY, Lane, LaneArea, LaneClass, LaneKind, LoggedAgent,
+    MapIndex, Road, RoadMap,
 };
 
-use super::scenes::Scene;
-
-fn car(id: &str, track: Vec<Frame>) -> LoggedAgent {
-    LoggedAgent {
-        agent: Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 },
-        track,
-        heights: Vec::new(),
-    }
-}
+use super::scenes::{Scene, car};
 
 /// Returns a track along the x axis at `speed` with `heading`, at `x` now.
 fn straight(x: f64, y: f64, speed: f64, heading: f64) -> Vec<Frame> {

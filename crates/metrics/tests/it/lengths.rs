@@ -29,10 +29,6 @@ fn scenario(length: Length) -> Scenario {
         .unwrap()
 }
 
-fn score(scores: &Scores, id: &str) -> Option<Score> {
-    scores.values.iter().find(|(spec, _)| spec.id == id).and_then(|(_, score)| *score)
-}
-
 fn judged(scenario: &Scenario, tracks: &[Vec<Frame>]) -> Scores {
     Metrics::default().score_case(&Case::of_rollout(scenario, tracks, Options::default()))
 }
@@ -45,27 +41,27 @@ fn all_steps_count_and_no_more() {
         let case = |tracks: &[Vec<Frame>]| judged(&scenario, tracks);
         let logged: Vec<Vec<Frame>> = (0..2).map(|i| scenario.logged(i)).collect();
         let replay = case(&logged);
-        assert_eq!(score(&replay, "ade"), Some(Score::Value(0.0)), "{length}");
+        assert_eq!(replay.score("ade"), Some(Score::Value(0.0)), "{length}");
         // Every step has a transition from the frame before.
         let steps = future as u64;
-        assert_eq!(score(&replay, "acceleration"), Some(Score::Rate { hits: 0, valid: steps }), "{length}");
+        assert_eq!(replay.score("acceleration"), Some(Score::Rate { hits: 0, valid: steps }), "{length}");
         // A car that is 3 m beside its log at each step.
         let mut beside = logged.clone();
         beside[1][history..].iter_mut().flatten().for_each(|state| state.y += 3.0);
-        let Some(Score::Value(ade)) = score(&case(&beside), "ade") else { panic!("no ADE") };
+        let Some(Score::Value(ade)) = case(&beside).score("ade") else { panic!("no ADE") };
         assert!((ade - 3.0).abs() < 1e-9, "{length}: {ade}");
         // Only the last step is a contact, in front of the car that moves.
         let mut late = logged.clone();
         late[1][length.frames() - 1] =
             late[0][length.frames() - 1].map(|av| AgentState { x: av.x - 4.0, vx: 5.0, ..av });
         let found = case(&late);
-        assert_eq!(score(&found, "aav-collision"), Some(Score::Count(1)), "{length}");
+        assert_eq!(found.score("aav-collision"), Some(Score::Count(1)), "{length}");
         let event = found.events.iter().find(|event| event.metric == "aav-collision").unwrap();
         assert_eq!((event.step, event.last_step), (future, future), "{length}");
         // A contact before the current frame is not judged.
         let mut early = logged.clone();
         early[1][0] = late[1][length.frames() - 1];
-        assert_eq!(score(&case(&early), "aav-collision"), Some(Score::Count(0)), "{length}");
+        assert_eq!(case(&early).score("aav-collision"), Some(Score::Count(0)), "{length}");
     }
 }
 
@@ -79,7 +75,7 @@ fn progress_is_of_the_whole_path() {
         let mut halted = logged.clone();
         let middle = halted[1][length.current() + future / 2];
         halted[1][length.current() + future / 2..].fill(middle);
-        let Some(Score::Mean { sum, n: 1 }) = score(&judged(&scenario, &halted), "progress") else {
+        let Some(Score::Mean { sum, n: 1 }) = judged(&scenario, &halted).score("progress") else {
             panic!("{length}: no progress")
         };
         let expected = (future / 2) as f64 / future as f64;

@@ -40,6 +40,12 @@ impl Scene {
     }
 }
 
+/// A car of 4 by 2 m.
+pub(super) fn car(id: &str, track: Vec<Frame>) -> LoggedAgent {
+    let agent = Agent { id: id.into(), kind: AgentKind::Vehicle, length: 4.0, width: 2.0 };
+    LoggedAgent { agent, track, heights: Vec::new() }
+}
+
 pub(super) struct Dice(Stream);
 
 impl Dice {
