@@ -9,32 +9,16 @@ use super::{Case, Judgement, LoggedTrack, MetricSpec, OfBenchmark, Scope, Score,
 /// Likelihoods of one scenario of 80 steps, each in (0, 1]; `None` if no logged sample is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KinematicLikelihood {
-    /// Likelihood of the speed.
-    pub linear_speed: Option<f64>,
-    /// Likelihood of the acceleration.
-    pub linear_acceleration: Option<f64>,
-    /// Likelihood of the yaw rate.
-    pub angular_speed: Option<f64>,
-    /// Likelihood of the yaw acceleration.
-    pub angular_acceleration: Option<f64>,
+    /// Likelihoods of speed, acceleration, yaw rate and yaw acceleration, by the name of the feature.
+    pub features: [(&'static str, Option<f64>); 4],
     /// Number of objects.
     pub objects: u64,
 }
 
 impl KinematicLikelihood {
-    /// Returns the four likelihoods by feature name.
-    pub fn features(&self) -> [(&'static str, Option<f64>); 4] {
-        [
-            ("linear_speed", self.linear_speed),
-            ("linear_acceleration", self.linear_acceleration),
-            ("angular_speed", self.angular_speed),
-            ("angular_acceleration", self.angular_acceleration),
-        ]
-    }
-
     /// Returns the mean of the four with equal weights; `None` if one is undefined.
     pub fn kinematic(&self) -> Option<f64> {
-        self.features().iter().try_fold(0.0, |sum, f| Some(sum + f.1?)).map(|sum| sum / 4.0)
+        self.features.iter().try_fold(0.0, |sum, f| Some(sum + f.1?)).map(|sum| sum / 4.0)
     }
 }
 
@@ -211,10 +195,12 @@ impl Judgement for Option<KinematicLikelihood> {
         }
         let of = |k: usize| (samples[k] > 0).then(|| math::exp(sums[k] / samples[k] as f64));
         Some(KinematicLikelihood {
-            linear_speed: of(0),
-            linear_acceleration: of(1),
-            angular_speed: of(2),
-            angular_acceleration: of(3),
+            features: [
+                ("linear_speed", of(0)),
+                ("linear_acceleration", of(1)),
+                ("angular_speed", of(2)),
+                ("angular_acceleration", of(3)),
+            ],
             objects,
         })
     }
