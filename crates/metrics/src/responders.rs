@@ -3,7 +3,6 @@
 use reactsim_scene::{DT, Response};
 
 use super::boxes::{excluded, overlap};
-use super::ttc::approaches;
 use super::{Case, Judgement};
 
 /// A direct responder: an agent whose certificate response answers the AV itself, with its motion in the
@@ -106,7 +105,7 @@ fn under_reaction(case: &Case<'_>, agent: usize) -> Option<(usize, usize)> {
     let touches = |&f: &usize| overlap(case, agent, case.av, f, case.options.corner_rounding);
     let mut steps = case.future().filter(touches).map(|f| f - case.current);
     let contact = steps.next().map(|first| (first, steps.last().unwrap_or(first)));
-    let risky = approaches(case)[agent].and_then(|a| a.risky);
+    let risky = case.approaches()[agent].and_then(|a| a.risky);
     match (contact, risky) {
         (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
         (one, other) => one.or(other),

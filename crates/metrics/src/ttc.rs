@@ -36,9 +36,11 @@ impl Judgement for Vec<Option<Approach>> {
     }
 }
 
-/// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
-pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
-    case.judgement::<Vec<Option<Approach>>>()
+impl Case<'_> {
+    /// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
+    pub fn approaches(&self) -> &[Option<Approach>] {
+        self.judgement::<Vec<Option<Approach>>>()
+    }
 }
 
 fn approach(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Approach {
@@ -122,7 +124,7 @@ pub(super) const RISKY: &OfBenchmark = &OfBenchmark {
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
     let mut count = 0;
-    for (i, approach) in approaches(case).iter().enumerate() {
+    for (i, approach) in case.approaches().iter().enumerate() {
         let Some((approach, (first, last))) = approach.and_then(|a| Some((a, a.risky?))) else {
             continue;
         };
