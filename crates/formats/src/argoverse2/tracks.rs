@@ -8,7 +8,7 @@ use reactsim_scene::AgentState;
 use crate::error::{Cause, FormatError};
 use crate::table::{Batch, Leaf, TableReader, View};
 
-const COLUMNS: &[&str] = &[
+const COLUMNS: [&str; 14] = [
     "track_id",
     "object_type",
     "object_category",
@@ -59,7 +59,7 @@ pub(super) struct Track {
 impl Tracks {
     pub(super) fn read(path: &Path) -> Result<Self, FormatError> {
         let mut table = TableReader::open(path)?;
-        table.only(COLUMNS.iter().copied());
+        table.only(COLUMNS);
         let mut tracks = Self::default();
         while let Some(batch) = table.next_batch() {
             let read = tracks.add(&batch?);

@@ -22,7 +22,7 @@ pub(super) struct Map {
 }
 
 /// A lane or a lane connector.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct MapLane {
     pub(super) is_connector: bool,
     /// Group of parallel lanes (roadblock or roadblock connector).
