@@ -1,7 +1,6 @@
 //! Deviated AV trajectories by scenario id, from Parquet or JSON. Described in `docs/files.md`.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::ops::Range;
 use std::path::Path;
 
@@ -95,12 +94,9 @@ impl DeviationRecord {
 /// chosen rows.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
     let mut records = BTreeMap::new();
-    let mut take = |scenario: &str, record| match records.entry(scenario.to_owned()) {
-        Entry::Vacant(place) => {
-            place.insert(record);
-            Ok(())
-        }
-        Entry::Occupied(_) => {
+    let mut take = |scenario: &str, record| match records.insert(scenario.to_owned(), record) {
+        None => Ok(()),
+        Some(_) => {
             let found = format!("`{scenario}` again");
             Err(Cause::value("scenario_id", found, "one trajectory per scenario"))
         }
@@ -118,12 +114,7 @@ pub fn read_all(path: impl AsRef<Path>) -> Result<BTreeMap<String, Vec<Deviation
     let path = path.as_ref();
     let mut records: BTreeMap<String, Vec<DeviationRecord>> = BTreeMap::new();
     let mut take = |scenario: &str, record| {
-        match records.get_mut(scenario) {
-            Some(earlier) => earlier.push(record),
-            None => {
-                records.insert(scenario.to_owned(), vec![record]);
-            }
-        }
+        records.entry(scenario.to_owned()).or_default().push(record);
         Ok(())
     };
     Rows { path, wanted: Wanted::All, take: &mut take, next: 0 }.read()?;
