@@ -40,7 +40,7 @@ impl Judgement for Vec<Overlaps> {
                     continue;
                 }
                 let mut open: Option<(usize, usize)> = None;
-                for f in overlapping_frames(case, i, j, case.current + 1, options.corner_rounding) {
+                for f in overlapping_frames(case, i, j, case.current + 1) {
                     let step = f - case.current;
                     hit[motion.at(i, f)] = true;
                     hit[motion.at(j, f)] = true;

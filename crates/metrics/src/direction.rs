@@ -176,7 +176,7 @@ impl Evaluator<'_, '_> {
                 continue;
             }
             let k = case.motion.at(agent, f);
-            self.tracker.set_level(case.road_under(agent, f));
+            self.tracker.road = case.road_under(agent, f);
             let (on_lane, along) = self.tracker.some_lane_along(
                 case.motion.position(agent, f),
                 case.motion.axis[k],

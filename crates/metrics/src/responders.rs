@@ -102,7 +102,7 @@ fn under_reaction(case: &Case<'_>, agent: usize) -> Option<(usize, usize)> {
     if !case.present(case.av) || excluded(case, agent, case.av) {
         return None;
     }
-    let touches = |&f: &usize| overlap(case, agent, case.av, f, case.options.corner_rounding);
+    let touches = |&f: &usize| overlap(case, agent, case.av, f);
     let mut steps = case.future().filter(touches).map(|f| f - case.current);
     let contact = steps.next().map(|first| (first, steps.last().unwrap_or(first)));
     let risky = case.approaches()[agent].and_then(|a| a.risky);
