@@ -260,7 +260,7 @@ fn judge(all: &[Scenario], rollouts: &[Rollout]) {
     for (scenario, rollout) in all.iter().zip(rollouts) {
         let case = Case::of_rollout(scenario, &rollout.tracks, options);
         let scores = metrics::score_case(&case);
-        let together = metrics::score_rollouts(case, &[&rollout.tracks]);
+        let together = metrics::Metrics::default().score_rollouts(case, &[&rollout.tracks]);
         std::hint::black_box((together, scores));
     }
 }

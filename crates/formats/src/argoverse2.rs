@@ -15,7 +15,7 @@ use reactsim_scene::{EARLIER_FRAME, LATER_FRAME, Scenario};
 use self::tracks::Tracks;
 use super::error::{Cause, FormatError};
 use super::format::{
-    PendingScenarios, ScenarioFormat, UNRECORDED_FRAMES, is_parquet, named, read_whole, single,
+    PendingScenarios, ScenarioFormat, UNRECORDED_FRAMES, add_repairs, is_parquet, named, read_whole, single,
 };
 use super::frames::{CurrentFrames, LengthChoice};
 use super::table::TableReader;
@@ -99,8 +99,8 @@ fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Sce
     })?;
     let counted =
         [(UNRECORDED_FRAMES, missing), (EARLIER_FRAME, earlier as u32), (LATER_FRAME, later as u32)];
-    let counted = counted.into_iter().filter(|(_, n)| *n > 0).map(|(what, n)| (what.to_owned(), n));
-    scenario.repairs.extend(counted.chain(unknown_types));
+    add_repairs(&mut scenario, counted);
+    add_repairs(&mut scenario, unknown_types);
     Ok(scenario)
 }
 

@@ -13,23 +13,21 @@ const STATE_COLUMNS: [&str; 5] =
 /// Accessors of the values of a state, in the order of its columns.
 pub const STATE_VALUES: [fn(&AgentState) -> f64; 5] = [|s| s.x, |s| s.y, |s| s.heading, |s| s.vx, |s| s.vy];
 
-/// Columns that are read back; the other columns of [`columns`] are derived from them.
-pub(crate) const READ_COLUMNS: [&str; 14] = [
-    "has_certificate",
-    "response_agent",
-    "response_leader",
-    "response_reaction_step",
-    "response_nudge",
-    "response_peak_deceleration",
-    "response_clearance",
-    "response_required_deceleration",
-    "response_time_to_react",
-    STATE_COLUMNS[0],
-    STATE_COLUMNS[1],
-    STATE_COLUMNS[2],
-    STATE_COLUMNS[3],
-    STATE_COLUMNS[4],
-];
+/// Returns the columns that are read back; the other columns of [`columns`] are derived from them.
+pub(crate) fn read_columns() -> impl Iterator<Item = &'static str> {
+    let others = [
+        "has_certificate",
+        "response_agent",
+        "response_leader",
+        "response_reaction_step",
+        "response_nudge",
+        "response_peak_deceleration",
+        "response_clearance",
+        "response_required_deceleration",
+        "response_time_to_react",
+    ];
+    others.into_iter().chain(STATE_COLUMNS)
+}
 
 /// Returns all columns, in file order.
 pub fn columns() -> Vec<Column> {

@@ -1,7 +1,6 @@
 //! Deviated AV trajectories by scenario id, from Parquet or JSON. Described in `docs/files.md`.
 
 use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
 use std::ops::Range;
 use std::path::Path;
 
@@ -9,7 +8,7 @@ use reactsim_geometry::Vec2;
 use reactsim_scene::{AgentState, Certificate, Deviation, FUTURE, Frame};
 use serde::Deserialize;
 
-use super::certificates::{self, READ_COLUMNS};
+use super::certificates;
 use super::error::{Cause, FormatError};
 use super::format::{is_parquet, read_whole};
 use super::states::{self, StateColumns};
@@ -21,8 +20,8 @@ const JSON_FORMAT: &str = "reactsim-deviations-v1";
 pub const KIND: &str = "reactsim-deviations";
 /// Version of the Parquet schema.
 pub const VERSION: u32 = 1;
-/// Columns that are read; files of curations have many more.
-const COLUMNS: &[&str] = &[
+/// Columns that are read besides those of certificates; files of curations have many more.
+const COLUMNS: [&str; 14] = [
     "scenario_id",
     "category",
     "maneuver",
@@ -37,20 +36,6 @@ const COLUMNS: &[&str] = &[
     "heading",
     "vx",
     "vy",
-    READ_COLUMNS[0],
-    READ_COLUMNS[1],
-    READ_COLUMNS[2],
-    READ_COLUMNS[3],
-    READ_COLUMNS[4],
-    READ_COLUMNS[5],
-    READ_COLUMNS[6],
-    READ_COLUMNS[7],
-    READ_COLUMNS[8],
-    READ_COLUMNS[9],
-    READ_COLUMNS[10],
-    READ_COLUMNS[11],
-    READ_COLUMNS[12],
-    READ_COLUMNS[13],
 ];
 /// Column that only files of curations have: their trajectories begin with the current frame.
 const CURATED: &str = "candidate";
@@ -109,12 +94,9 @@ impl DeviationRecord {
 /// chosen rows.
 pub fn read(path: impl AsRef<Path>) -> Result<BTreeMap<String, DeviationRecord>, FormatError> {
     let mut records = BTreeMap::new();
-    let mut take = |scenario: &str, record| match records.entry(scenario.to_owned()) {
-        Entry::Vacant(place) => {
-            place.insert(record);
-            Ok(())
-        }
-        Entry::Occupied(_) => {
+    let mut take = |scenario: &str, record| match records.insert(scenario.to_owned(), record) {
+        None => Ok(()),
+        Some(_) => {
             let found = format!("`{scenario}` again");
             Err(Cause::value("scenario_id", found, "one trajectory per scenario"))
         }
@@ -132,12 +114,7 @@ pub fn read_all(path: impl AsRef<Path>) -> Result<BTreeMap<String, Vec<Deviation
     let path = path.as_ref();
     let mut records: BTreeMap<String, Vec<DeviationRecord>> = BTreeMap::new();
     let mut take = |scenario: &str, record| {
-        match records.get_mut(scenario) {
-            Some(earlier) => earlier.push(record),
-            None => {
-                records.insert(scenario.to_owned(), vec![record]);
-            }
-        }
+        records.entry(scenario.to_owned()).or_default().push(record);
         Ok(())
     };
     Rows { path, wanted: Wanted::All, take: &mut take, next: 0 }.read()?;
@@ -202,10 +179,10 @@ impl Rows<'_> {
     fn read_parquet(&mut self) -> Result<(), FormatError> {
         let mut table = TableReader::open(self.path)?;
         table.expect(KIND, VERSION)?;
-        table.only(match self.wanted {
-            Wanted::Chosen => COLUMNS,
-            Wanted::All => &COLUMNS[..COLUMNS.len() - READ_COLUMNS.len()],
-        });
+        match self.wanted {
+            Wanted::Chosen => table.only(COLUMNS.into_iter().chain(certificates::read_columns())),
+            Wanted::All => table.only(COLUMNS),
+        }
         let file = |cause| FormatError::file(self.path, cause);
         let origin = states::table_origin(&table).map_err(file)?;
         let mut skipped = 0;
@@ -344,32 +321,24 @@ fn entries(
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 struct RawFile {
     format: String,
-    #[serde(default)]
     frame: Option<String>,
     deviations: Vec<RawTrajectory>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 struct RawTrajectory {
     scenario_id: String,
-    #[serde(default)]
     category: Option<String>,
-    #[serde(default)]
     maneuver: Option<String>,
-    #[serde(default)]
     scenario_digest: Option<String>,
     x: Vec<Option<f64>>,
     y: Vec<Option<f64>>,
     heading: Vec<Option<f64>>,
-    #[serde(default)]
     vx: Option<Vec<Option<f64>>>,
-    #[serde(default)]
     vy: Option<Vec<Option<f64>>>,
 }
 

@@ -67,6 +67,16 @@ pub fn count_records(open: &Opener) -> usize {
 /// Name of the repair that counts the frames after the last one of a recording; they are absent.
 pub(super) const UNRECORDED_FRAMES: &str = "frames at the end that are not recorded";
 
+/// Adds counted repairs to those of a scenario, if there are any.
+pub(super) fn add_repairs(
+    scenario: &mut Scenario,
+    counted: impl IntoIterator<Item = (impl Into<String>, u32)>,
+) {
+    for (what, count) in counted.into_iter().filter(|(_, count)| *count > 0) {
+        *scenario.repairs.entry(what.into()).or_default() += count;
+    }
+}
+
 /// Wraps a scenario as an [`UndecodedScenario`] record.
 pub fn decoded(scenario: Scenario) -> UndecodedScenario {
     UndecodedScenario::new(move || Ok(scenario))
@@ -138,20 +148,21 @@ pub(super) fn single(
     Ok(Box::new(std::iter::once(Ok(UndecodedScenario::new(move || read(&path, current))))))
 }
 
-/// Returns the errors for other current frames than those that a format defines; `None` for these.
-pub(super) fn refused_frames(
+/// Opens a file with the current frames that its format defines; refuses others.
+pub(super) fn with_stated_frames(
     format: &dyn ScenarioFormat,
     path: &Path,
     frames: CurrentFrames,
-) -> Option<Result<PendingScenarios, FormatError>> {
+    open: impl FnOnce() -> Result<PendingScenarios, FormatError>,
+) -> Result<PendingScenarios, FormatError> {
     match frames {
-        CurrentFrames::Stated => None,
+        CurrentFrames::Stated => open(),
         CurrentFrames::At(frame) => {
             let expected = format!("none: the format {} fixes the current frame", format.id());
             let error = FormatError::file(path, Cause::value("the current frame", frame, expected));
-            Some(Ok(Box::new(std::iter::once(Err(error)))))
+            Ok(Box::new(std::iter::once(Err(error))))
         }
-        CurrentFrames::Every(step) => Some(Err(has_one_window(format, path, step))),
+        CurrentFrames::Every(step) => Err(has_one_window(format, path, step)),
     }
 }
 
@@ -197,6 +208,12 @@ pub(super) fn head(path: &Path, bytes: u64) -> std::io::Result<Vec<u8>> {
     let mut head = Vec::new();
     open_regular(path)?.take(bytes).read_to_end(&mut head)?;
     Ok(head)
+}
+
+/// Returns the beginning of a file that looks like a JSON object.
+pub(super) fn json_head(path: &Path) -> Option<String> {
+    let head = head(path, 4096).ok()?;
+    head.trim_ascii_start().starts_with(b"{").then(|| String::from_utf8_lossy(&head).into_owned())
 }
 
 /// Returns whether a file name has this ending, ignoring case.

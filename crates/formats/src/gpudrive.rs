@@ -15,7 +15,9 @@ use reactsim_scene::Scenario;
 use self::raw::RawScenario;
 use super::document::values::quote_not_finite;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, head, read_whole, refused_frames, single};
+use super::format::{
+    PendingScenarios, ScenarioFormat, add_repairs, json_head, read_whole, single, with_stated_frames,
+};
 use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; the largest scenarios have about ten megabytes.
@@ -34,13 +36,11 @@ impl ScenarioFormat for GpuDrive {
     }
 
     fn recognises(&self, path: &Path) -> bool {
-        head(path, 4096).is_ok_and(|head| {
-            let contains = |text: &str| head.windows(text.len()).any(|w| w == text.as_bytes());
+        json_head(path).is_some_and(|head| {
             // Files of this program state their format at the beginning.
-            head.trim_ascii_start().starts_with(b"{")
-                && !contains("\"reactsim-")
-                && (contains("\"objects\"") || contains("\"roads\""))
-                && (contains("\"position\"") || contains("\"geometry\""))
+            !head.contains("\"reactsim-")
+                && (head.contains("\"objects\"") || head.contains("\"roads\""))
+                && (head.contains("\"position\"") || head.contains("\"geometry\""))
         })
     }
 
@@ -50,10 +50,8 @@ impl ScenarioFormat for GpuDrive {
         frames: CurrentFrames,
         length: LengthChoice,
     ) -> Result<PendingScenarios, FormatError> {
-        match refused_frames(self, path, frames) {
-            Some(refused) => refused,
-            None => single(self, path, frames, move |path, _| read(path, length)),
-        }
+        let open = || single(self, path, frames, move |path, _| read(path, length));
+        with_stated_frames(self, path, frames, open)
     }
 
     fn count(&self, _path: &Path) -> Option<usize> {
@@ -70,11 +68,9 @@ fn read(path: &Path, length: LengthChoice) -> Result<Scenario, FormatError> {
         serde_json::from_str(&quote_not_finite(&text)).map_err(|e| undecodable(e.to_string()))?;
     drop(text);
     let id = raw.id();
-    let converted = parts::parts(raw, length).map_err(|cause| FormatError::record(path, 0, id, cause))?;
-    let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
-    let repairs = converted.left_out.into_iter().map(|(what, count)| (what.to_owned(), count));
-    for (what, count) in repairs.chain(converted.unknown_types) {
-        *scenario.repairs.entry(what).or_default() += count;
-    }
+    let (parts, repairs) =
+        parts::parts(raw, length).map_err(|cause| FormatError::record(path, 0, id, cause))?;
+    let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, 0, e))?;
+    add_repairs(&mut scenario, repairs);
     Ok(scenario)
 }

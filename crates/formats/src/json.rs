@@ -12,7 +12,7 @@ use reactsim_scene::Scenario;
 use self::raw::RawScenario;
 use super::crop::crop;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, head, read_whole, refused_frames, single};
+use super::format::{PendingScenarios, ScenarioFormat, json_head, read_whole, single, with_stated_frames};
 use super::frames::{CurrentFrames, LengthChoice};
 
 /// Maximum file size in bytes; a scenario with full tracks has a few megabytes.
@@ -30,10 +30,7 @@ impl ScenarioFormat for Json {
     }
 
     fn recognises(&self, path: &Path) -> bool {
-        head(path, 4096).is_ok_and(|head| {
-            let text = head.trim_ascii_start();
-            text.starts_with(b"{") && text.windows(raw::FORMAT.len()).any(|w| w == raw::FORMAT.as_bytes())
-        })
+        json_head(path).is_some_and(|head| head.contains(raw::FORMAT))
     }
 
     fn open_at(
@@ -49,10 +46,7 @@ impl ScenarioFormat for Json {
                 Err(cause) => Err(FormatError::record(path, 0, Some(scenario.id), cause)),
             }
         };
-        match refused_frames(self, path, frames) {
-            Some(refused) => refused,
-            None => single(self, path, frames, cropped),
-        }
+        with_stated_frames(self, path, frames, || single(self, path, frames, cropped))
     }
 
     fn count(&self, _path: &Path) -> Option<usize> {

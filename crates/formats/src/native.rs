@@ -12,7 +12,9 @@ use std::sync::Arc;
 
 use super::crop::crop;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, is_parquet, named, refused_frames};
+use super::format::{
+    PendingScenarios, ScenarioFormat, UndecodedScenario, is_parquet, named, with_stated_frames,
+};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::table::{self, Batch, TableReader, TableWriter};
 use reactsim_scene::{HISTORY, Scenario};
@@ -53,13 +55,12 @@ impl ScenarioFormat for Native {
         frames: CurrentFrames,
         length: LengthChoice,
     ) -> Result<PendingScenarios, FormatError> {
-        let step = match frames {
-            CurrentFrames::Every(step) => Some(step),
-            CurrentFrames::Stated | CurrentFrames::At(_) => None,
+        let open = |step| -> Result<PendingScenarios, FormatError> {
+            Ok(Box::new(Reader { length, step, ..Reader::over(path, TableReader::open(path)?)? }))
         };
-        match refused_frames(self, path, frames).filter(|_| step.is_none()) {
-            Some(refused) => refused,
-            None => Ok(Box::new(Reader { length, step, ..Reader::over(path, TableReader::open(path)?)? })),
+        match frames {
+            CurrentFrames::Every(step) => open(Some(step)),
+            _ => with_stated_frames(self, path, frames, || open(None)),
         }
     }
 

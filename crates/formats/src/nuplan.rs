@@ -38,7 +38,7 @@ use self::selection::{Anchors, Selection, WindowChoice, logs_at};
 use self::sqlite::Database;
 pub(super) use self::token::Token;
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, named, refused_frames};
+use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, named, with_stated_frames};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::list::Input;
 
@@ -109,10 +109,7 @@ impl ScenarioFormat for NuPlan {
         frames: CurrentFrames,
         length: LengthChoice,
     ) -> Result<PendingScenarios, FormatError> {
-        match refused_frames(self, path, frames) {
-            Some(refused) => refused,
-            None => Ok(Box::new(self.reader(path, length)?)),
-        }
+        with_stated_frames(self, path, frames, || Ok(Box::new(self.reader(path, length)?)))
     }
 
     fn companions(&self, path: &Path, length: LengthChoice) -> Vec<PathBuf> {

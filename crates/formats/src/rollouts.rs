@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 pub use by_name::ByName;
 pub use pickle::to_pickle;
 
+use super::certificates::STATE_VALUES;
 use super::error::{Cause, FormatError};
 use super::states::{self, StateColumns};
 use super::table::{Batch, Column, Leaf, TableReader, TableWriter, Value, View};
@@ -59,19 +60,15 @@ impl Writer {
     /// # Errors
     /// [`FormatError`] if the file cannot be created.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, FormatError> {
-        let columns = vec![
+        let mut columns = vec![
             Column::new("scenario_id", Leaf::Text, 0, false),
             Column::new("simulator", Leaf::Text, 0, false),
             Column::new("rollout", Leaf::Whole, 0, false),
             Column::new("origin_x", Leaf::Number, 0, true),
             Column::new("origin_y", Leaf::Number, 0, true),
             Column::new("agent_id", Leaf::Text, 1, false),
-            Column::new("x", Leaf::Number, 2, true),
-            Column::new("y", Leaf::Number, 2, true),
-            Column::new("heading", Leaf::Number, 2, true),
-            Column::new("vx", Leaf::Number, 2, true),
-            Column::new("vy", Leaf::Number, 2, true),
         ];
+        columns.extend(states::COLUMNS.map(|name| Column::new(name, Leaf::Number, 2, true)));
         Ok(Self { table: TableWriter::create(path.as_ref(), (KIND, VERSION), GROUP_SIZE, columns)? })
     }
 
@@ -87,15 +84,10 @@ impl Writer {
         t.column("origin_x").push(Value::from(record.origin.map(|o| o.x)));
         t.column("origin_y").push(Value::from(record.origin.map(|o| o.y)));
         t.column("agent_id").list(record.agent_ids.iter().map(|id| Value::Text(id)));
-        let mut each = |column: &str, value: fn(&Frame) -> Option<f64>| {
-            let known = move |f: &Frame| Value::from(value(f).filter(|v| !v.is_nan()));
+        for (column, value) in states::COLUMNS.into_iter().zip(STATE_VALUES) {
+            let known = |f: &Frame| Value::from(f.as_ref().map(value).filter(|v| !v.is_nan()));
             t.column(column).lists(record.tracks.iter().map(|track| track.iter().map(known)));
-        };
-        each("x", |f| f.map(|s| s.x));
-        each("y", |f| f.map(|s| s.y));
-        each("heading", |f| f.map(|s| s.heading));
-        each("vx", |f| f.map(|s| s.vx));
-        each("vy", |f| f.map(|s| s.vy));
+        }
         self.table.end_row()
     }
 

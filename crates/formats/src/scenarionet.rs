@@ -14,7 +14,9 @@ use std::path::Path;
 use reactsim_scene::Scenario;
 
 use super::error::{Cause, FormatError};
-use super::format::{PendingScenarios, ScenarioFormat, UndecodedScenario, head, named, read_whole, single};
+use super::format::{
+    PendingScenarios, ScenarioFormat, UndecodedScenario, add_repairs, head, named, read_whole, single,
+};
 use super::frames::{CurrentFrames, LengthChoice};
 use super::pickle::Pickle;
 
@@ -109,12 +111,9 @@ fn read(path: &Path, current: Option<usize>, length: LengthChoice) -> Result<Sce
     let pickle = parsed(path, &file)?;
     let root = pickle.root();
     let id = parts::id(&root).map_err(|cause| FormatError::record(path, 0, None, cause))?;
-    let converted = parts::parts(&root, id.clone(), current, length)
+    let (parts, repairs) = parts::parts(&root, id.clone(), current, length)
         .map_err(|cause| FormatError::record(path, 0, Some(id), cause))?;
-    let mut scenario = Scenario::assemble(converted.parts).map_err(|e| FormatError::scene(path, 0, e))?;
-    let repairs = converted.repairs.into_iter().map(|(what, count)| (what.to_owned(), count));
-    for (what, count) in repairs.chain(converted.unknown_types) {
-        *scenario.repairs.entry(what).or_default() += count;
-    }
+    let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, 0, e))?;
+    add_repairs(&mut scenario, repairs);
     Ok(scenario)
 }

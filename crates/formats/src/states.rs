@@ -40,29 +40,20 @@ pub(super) struct StateColumns {
     views: [Option<View>; 5],
 }
 
-const COLUMNS: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
+pub(super) const COLUMNS: [&str; 5] = ["x", "y", "heading", "vx", "vy"];
 
 impl StateColumns {
     /// Finds the columns, as lists of nesting depth `depth`.
     pub(super) fn find(batch: &Batch, depth: usize) -> Result<Self, Cause> {
-        let mut views = [const { None }; 5];
-        for (k, view) in views.iter_mut().enumerate() {
-            *view = if k < 3 {
-                Some(View::need(batch, COLUMNS[k], Leaf::Number, depth)?)
-            } else {
-                View::find(batch, COLUMNS[k], Leaf::Number, depth)?
-            };
-        }
-        Ok(Self { views })
+        let [x, y, heading, vx, vy] = COLUMNS;
+        let need = |name| View::need(batch, name, Leaf::Number, depth).map(Some);
+        let find = |name| View::find(batch, name, Leaf::Number, depth);
+        Ok(Self { views: [need(x)?, need(y)?, need(heading)?, find(vx)?, find(vy)?] })
     }
 
     /// Returns the range that `find` gives for each column, `None` for missing columns.
     pub(super) fn ranges(&self, find: impl Fn(&View) -> Range<usize>) -> [Option<Range<usize>>; 5] {
-        let mut ranges = [const { None }; 5];
-        for (range, view) in ranges.iter_mut().zip(&self.views) {
-            *range = view.as_ref().map(&find);
-        }
-        ranges
+        self.views.each_ref().map(|view| view.as_ref().map(&find))
     }
 
     /// Returns the inner lists of a row, per column; there must be `expected` of them.
@@ -74,16 +65,7 @@ impl StateColumns {
                 return Err(Cause::value(format!("`{name}`"), found, format!("{expected} tracks")));
             }
         }
-        let list = |i: usize| {
-            let mut ranges = [const { None }; 5];
-            for (k, range) in ranges.iter_mut().enumerate() {
-                *range = match (&self.views[k], &outer[k]) {
-                    (Some(view), Some(outer)) => Some(view.range(1, outer.start + i)),
-                    _ => None,
-                };
-            }
-            ranges
-        };
+        let list = |i: usize| self.ranges(|v| v.range(1, v.range(0, row).start + i));
         Ok((0..expected).map(list).collect())
     }
 
@@ -101,15 +83,9 @@ impl StateColumns {
                 return Err(Cause::value(format!("{track}{name}"), found, format!("{expected} steps")));
             }
         }
-        let mut frames = Vec::with_capacity(expected);
-        for f in 0..expected {
-            let value = |k: usize| match (&self.views[k], &ranges[k]) {
-                (Some(view), Some(range)) => view.number(range.start + f).unwrap_or(f64::NAN),
-                _ => f64::NAN,
-            };
-            frames.push(frame(track, f, [value(0), value(1), value(2), value(3), value(4)])?);
-        }
-        Ok(frames)
+        let value = |f: usize, k: usize| self.views[k].as_ref()?.number(ranges[k].as_ref()?.start + f);
+        let values = |f: usize| std::array::from_fn(|k| value(f, k).unwrap_or(f64::NAN));
+        (0..expected).map(|f| frame(track, f, values(f))).collect()
     }
 }
 

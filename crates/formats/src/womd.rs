@@ -18,7 +18,7 @@ use self::record::Records;
 use self::window::Window;
 use super::error::FormatError;
 use super::format::{
-    PendingScenarios, ScenarioFormat, UNRECORDED_FRAMES, UndecodedScenario, is_parquet, named,
+    PendingScenarios, ScenarioFormat, UNRECORDED_FRAMES, UndecodedScenario, add_repairs, is_parquet, named,
 };
 use super::frames::{CurrentFrames, LengthChoice};
 
@@ -122,8 +122,7 @@ fn read_one(
     let (length, later) = window.crop(&mut proto, length).map_err(refuse)?;
     let (parts, missing) = parts::parts(proto, length).map_err(refuse)?;
     let mut scenario = Scenario::assemble(parts).map_err(|e| FormatError::scene(path, record, e))?;
-    let counted = [(UNRECORDED_FRAMES, missing), (LATER_FRAME, later as u32)];
-    scenario.repairs.extend(counted.into_iter().filter(|(_, n)| *n > 0).map(|(what, n)| (what.into(), n)));
+    add_repairs(&mut scenario, [(UNRECORDED_FRAMES, missing), (LATER_FRAME, later as u32)]);
     Ok(scenario)
 }
 

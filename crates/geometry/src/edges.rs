@@ -75,11 +75,7 @@ impl OrientedEdges {
     ///
     /// `start` is the segment found for a nearby point; it only shortens the search. `None` without edges.
     pub fn nearest(&self, p: Vec2, start: Option<u32>) -> Option<NearestEdge> {
-        let (segment, d2) = self.grid.nearest(p, start, |i| {
-            let s = &self.segments[i as usize];
-            point_segment(p, s.a, s.b).0
-        })?;
-        Some(NearestEdge { segment, distance: d2.sqrt(), outside: self.outside(p, segment) })
+        self.nearest_where(p, start, |_, _, _| true)
     }
 
     /// Like [`Self::nearest`], among the segments for which `keep` is true. It receives the index of the

@@ -13,6 +13,13 @@ pub struct Bounds {
     pub max: Vec2,
 }
 
+impl Default for Bounds {
+    /// Bounds that contain nothing.
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
 impl Bounds {
     /// Bounds that contain nothing.
     pub const EMPTY: Self = Self {

@@ -3,7 +3,7 @@
 use super::{Vec2, grid::Bounds, point_segment};
 
 /// A polygon with holes. Rings may be open or closed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Polygon {
     /// The outer ring.
     pub exterior: Vec<Vec2>,

@@ -31,66 +31,60 @@ impl Case<'_> {
     }
 }
 
-struct CaseDisplacement(Option<Displacement>);
-
-impl Judgement for CaseDisplacement {
+impl Judgement for Option<Displacement> {
     fn compute(case: &Case<'_>) -> Self {
-        Self(compute(case))
+        let log = case.log.as_ref()?;
+        let sources: Vec<Option<usize>> =
+            if case.rollouts.is_empty() { vec![None] } else { (0..case.rollouts.len()).map(Some).collect() };
+        let mut least = vec![f64::INFINITY; case.objects.len()];
+        let (mut scene_sum, mut scenes, mut min_ade) = (0.0, 0_u64, f64::INFINITY);
+        for &rollout in &sources {
+            let (mut sum, mut agents) = (0.0, 0_u64);
+            for i in (0..case.objects.len()).filter(|&i| case.evaluated(i)) {
+                let (mut error, mut steps) = (0.0, 0_usize);
+                for f in case.future() {
+                    let rolled = case.rolled(rollout, i, f - case.current);
+                    if let (Some(logged), Some(rolled)) = (log[i].at(f), rolled) {
+                        error += math::hypot(rolled.x - logged.x, rolled.y - logged.y);
+                        steps += 1;
+                    }
+                }
+                if steps == 0 {
+                    continue;
+                }
+                if case.options.ade_include_history {
+                    steps += log[i].history.iter().flatten().count();
+                }
+                let ade = error / steps as f64;
+                least[i] = least[i].min(ade);
+                sum += ade;
+                agents += 1;
+            }
+            if agents > 0 {
+                let scene = sum / agents as f64;
+                scene_sum += scene;
+                scenes += 1;
+                min_ade = min_ade.min(scene);
+            }
+        }
+        if scenes == 0 {
+            return None;
+        }
+        let reached: Vec<f64> = least.into_iter().filter(|v| v.is_finite()).collect();
+        Some(Displacement {
+            ade: scene_sum / scenes as f64,
+            min_ade,
+            min_ade_agent: reached.iter().sum::<f64>() / reached.len() as f64,
+            agents: reached.len() as u64,
+            rollouts: sources.len() as u64,
+        })
     }
 }
 
 /// Returns the errors of the case's rollouts, or of its evaluated track if it has no rollouts; `None` without
 /// a log or a step to evaluate.
 pub(super) fn displacement<'c>(case: &'c Case<'_>) -> Option<&'c Displacement> {
-    case.judgement::<CaseDisplacement>().0.as_ref()
-}
-
-fn compute(case: &Case<'_>) -> Option<Displacement> {
-    let log = case.log.as_ref()?;
-    let sources: Vec<Option<usize>> =
-        if case.rollouts.is_empty() { vec![None] } else { (0..case.rollouts.len()).map(Some).collect() };
-    let mut least = vec![f64::INFINITY; case.objects.len()];
-    let (mut scene_sum, mut scenes, mut min_ade) = (0.0, 0_u64, f64::INFINITY);
-    for &rollout in &sources {
-        let (mut sum, mut agents) = (0.0, 0_u64);
-        for i in (0..case.objects.len()).filter(|&i| case.evaluated(i)) {
-            let (mut error, mut steps) = (0.0, 0_usize);
-            for f in case.future() {
-                let rolled = case.rolled(rollout, i, f - case.current);
-                if let (Some(logged), Some(rolled)) = (log[i].at(f), rolled) {
-                    error += math::hypot(rolled.x - logged.x, rolled.y - logged.y);
-                    steps += 1;
-                }
-            }
-            if steps == 0 {
-                continue;
-            }
-            if case.options.ade_include_history {
-                steps += log[i].history.iter().flatten().count();
-            }
-            let ade = error / steps as f64;
-            least[i] = least[i].min(ade);
-            sum += ade;
-            agents += 1;
-        }
-        if agents > 0 {
-            let scene = sum / agents as f64;
-            scene_sum += scene;
-            scenes += 1;
-            min_ade = min_ade.min(scene);
-        }
-    }
-    if scenes == 0 {
-        return None;
-    }
-    let reached: Vec<f64> = least.into_iter().filter(|v| v.is_finite()).collect();
-    Some(Displacement {
-        ade: scene_sum / scenes as f64,
-        min_ade,
-        min_ade_agent: reached.iter().sum::<f64>() / reached.len() as f64,
-        agents: reached.len() as u64,
-        rollouts: sources.len() as u64,
-    })
+    case.judgement::<Option<Displacement>>().as_ref()
 }
 
 /// Mean displacement over rollouts and agents.

@@ -17,17 +17,57 @@ pub struct Overlaps {
     pub intervals: Vec<(usize, usize, usize)>,
 }
 
-struct AllOverlaps(Vec<Overlaps>);
-
-impl Judgement for AllOverlaps {
+impl Judgement for Vec<Overlaps> {
     fn compute(case: &Case<'_>) -> Self {
-        Self(compute(case))
+        let n = case.objects.len();
+        let (motion, options) = (&case.motion, &case.options);
+        let mut found = vec![Overlaps::default(); n];
+        let mut hit = vec![false; n * case.frames()];
+        let partner =
+            |i: usize| case.evaluated(i) || (options.aa_include_av && i == case.av && case.present(i));
+        let partners: Vec<(usize, [f64; 4])> =
+            (0..n).filter(|&i| partner(i)).map(|i| (i, extent(case, i))).collect();
+        for (at, &(i, a)) in partners.iter().enumerate() {
+            for &(j, b) in &partners[at + 1..] {
+                let counts = pair_counts(case.objects[i].agent.kind, case.objects[j].agent.kind);
+                if !counts || !(case.evaluated(i) || case.evaluated(j)) {
+                    continue;
+                }
+                let reach = motion.radius[i] + motion.radius[j] + 1e-6;
+                let apart =
+                    a[0] > b[1] + reach || b[0] > a[1] + reach || a[2] > b[3] + reach || b[2] > a[3] + reach;
+                if apart || excluded(case, i, j) {
+                    continue;
+                }
+                let mut open: Option<(usize, usize)> = None;
+                for f in overlapping_frames(case, i, j, case.current + 1) {
+                    let step = f - case.current;
+                    hit[motion.at(i, f)] = true;
+                    hit[motion.at(j, f)] = true;
+                    open = match open {
+                        Some((first, last)) if last + 1 == step => Some((first, step)),
+                        ended => {
+                            found[i].intervals.extend(ended.map(|(first, last)| (j, first, last)));
+                            Some((step, step))
+                        }
+                    };
+                }
+                found[i].intervals.extend(open.map(|(first, last)| (j, first, last)));
+            }
+        }
+        for i in case.agents() {
+            for f in case.future() {
+                found[i].valid += u64::from(motion.valid(i, f));
+                found[i].hits += u64::from(hit[motion.at(i, f)]);
+            }
+        }
+        found
     }
 }
 
 /// Returns the overlaps of every object; zeros for objects that are not evaluated.
 pub(super) fn overlaps<'c>(case: &'c Case<'_>) -> &'c [Overlaps] {
-    &case.judgement::<AllOverlaps>().0
+    case.judgement::<Vec<Overlaps>>()
 }
 
 /// Returns the bounds of a track over the scored frames: min x, max x, min y, max y.
@@ -40,51 +80,6 @@ fn extent(case: &Case<'_>, object: usize) -> [f64; 4] {
         e = [e[0].min(x), e[1].max(x), e[2].min(y), e[3].max(y)];
     }
     e
-}
-
-fn compute(case: &Case<'_>) -> Vec<Overlaps> {
-    let n = case.objects.len();
-    let (motion, options) = (&case.motion, &case.options);
-    let mut found = vec![Overlaps::default(); n];
-    let mut hit = vec![false; n * case.frames()];
-    let partner = |i: usize| case.evaluated(i) || (options.aa_include_av && i == case.av && case.present(i));
-    let partners: Vec<(usize, [f64; 4])> =
-        (0..n).filter(|&i| partner(i)).map(|i| (i, extent(case, i))).collect();
-    for (at, &(i, a)) in partners.iter().enumerate() {
-        for &(j, b) in &partners[at + 1..] {
-            let counts = pair_counts(case.objects[i].agent.kind, case.objects[j].agent.kind);
-            if !counts || !(case.evaluated(i) || case.evaluated(j)) {
-                continue;
-            }
-            let reach = motion.radius[i] + motion.radius[j] + 1e-6;
-            let apart =
-                a[0] > b[1] + reach || b[0] > a[1] + reach || a[2] > b[3] + reach || b[2] > a[3] + reach;
-            if apart || excluded(case, i, j) {
-                continue;
-            }
-            let mut open: Option<(usize, usize)> = None;
-            for f in overlapping_frames(case, i, j, case.current + 1, options.corner_rounding) {
-                let step = f - case.current;
-                hit[motion.at(i, f)] = true;
-                hit[motion.at(j, f)] = true;
-                open = match open {
-                    Some((first, last)) if last + 1 == step => Some((first, step)),
-                    ended => {
-                        found[i].intervals.extend(ended.map(|(first, last)| (j, first, last)));
-                        Some((step, step))
-                    }
-                };
-            }
-            found[i].intervals.extend(open.map(|(first, last)| (j, first, last)));
-        }
-    }
-    for i in case.agents() {
-        for f in case.future() {
-            found[i].valid += u64::from(motion.valid(i, f));
-            found[i].hits += u64::from(hit[motion.at(i, f)]);
-        }
-    }
-    found
 }
 
 /// Returns whether overlaps between agents of these kinds count. Pedestrians move close to each other and to

@@ -1,13 +1,13 @@
 //! Overlap of rounded boxes, with a broad phase.
 
-use reactsim_geometry::{OrientedBox, rounded_distance};
+use reactsim_geometry::rounded_distance;
 
 use super::{Case, Judgement};
 
 /// Returns whether two objects overlap at a frame: the signed distance of the rounded boxes is below 0.
 /// Absent objects overlap nothing, and objects on different levels do not overlap.
-pub(super) fn overlap(case: &Case<'_>, a: usize, b: usize, frame: usize, rounding: f64) -> bool {
-    let motion = &case.motion;
+pub(super) fn overlap(case: &Case<'_>, a: usize, b: usize, frame: usize) -> bool {
+    let (motion, rounding) = (&case.motion, case.options.corner_rounding);
     // NaN distances of absent objects fail the comparison.
     motion.distance2(a, b, frame) <= motion.reach2(a, b)
         && !case.is_apart(a, b, frame)
@@ -20,9 +20,8 @@ pub(super) fn overlapping_frames(
     a: usize,
     b: usize,
     first: usize,
-    rounding: f64,
 ) -> impl Iterator<Item = usize> {
-    let motion = &case.motion;
+    let (motion, rounding) = (&case.motion, case.options.corner_rounding);
     let touches = move |f: &usize| {
         rounded_distance(&motion.footprint(a, *f), &motion.footprint(b, *f), rounding) < 0.0
             && !case.is_apart(a, b, *f)
@@ -33,11 +32,8 @@ pub(super) fn overlapping_frames(
 /// Returns whether a pair is left out of collisions and risky approaches because it overlaps at the first
 /// frame of the one that appears later and the options exclude such pairs.
 pub(super) fn excluded(case: &Case<'_>, a: usize, b: usize) -> bool {
-    case.options.exclude_initial_overlap
-        && case
-            .first_frame(a)
-            .max(case.first_frame(b))
-            .is_some_and(|first| overlap(case, a, b, first, case.options.corner_rounding))
+    let later = || case.first_frame(a).max(case.first_frame(b));
+    case.options.exclude_initial_overlap && later().is_some_and(|first| overlap(case, a, b, first))
 }
 
 /// Overlaps with the AV, per object × frame.
@@ -50,8 +46,7 @@ impl Judgement for AvOverlaps {
             return Self(hits);
         }
         for i in case.vehicles().filter(|&i| !excluded(case, i, case.av)) {
-            let rounding = case.options.corner_rounding;
-            for f in overlapping_frames(case, i, case.av, case.current, rounding) {
+            for f in overlapping_frames(case, i, case.av, case.current) {
                 hits[case.motion.at(i, f)] = true;
             }
         }
@@ -63,11 +58,4 @@ impl Judgement for AvOverlaps {
 /// frame on are filled in, and not those that are excluded.
 pub(super) fn av_overlaps<'c>(case: &'c Case<'_>) -> &'c [bool] {
     &case.judgement::<AvOverlaps>().0
-}
-
-/// Returns the signed distance of two sharp boxes, metres, for a test against `limit`: exact below the limit,
-/// possibly a lower bound above it.
-pub(super) fn sharp_distance(a: &OrientedBox, b: &OrientedBox, limit: f64) -> f64 {
-    let apart = (a.center - b.center).norm() - a.radius() - b.radius();
-    if apart > limit { apart } else { a.signed_distance(b) }
 }

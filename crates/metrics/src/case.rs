@@ -260,6 +260,15 @@ impl<'a> Case<'a> {
         self.agents().filter(|&i| self.objects[i].agent.kind == AgentKind::Vehicle)
     }
 
+    /// Returns the values of the evaluated vehicles by object; defaults for other objects.
+    pub(super) fn of_vehicles<T: Clone + Default>(&self, mut value: impl FnMut(usize) -> T) -> Vec<T> {
+        let mut values = vec![T::default(); self.objects.len()];
+        for i in self.vehicles() {
+            values[i] = value(i);
+        }
+        values
+    }
+
     /// Returns the id of an object.
     pub fn id(&self, object: usize) -> String {
         self.objects[object].agent.id.clone()

@@ -53,24 +53,19 @@ pub struct Contact {
     pub fault: Fault,
 }
 
-/// First contacts of all objects.
-struct Contacts(Vec<Option<Contact>>);
-
-impl Judgement for Contacts {
+impl Judgement for Vec<Option<Contact>> {
     fn compute(case: &Case<'_>) -> Self {
         let overlaps = av_overlaps(case);
-        let mut contacts = vec![None; case.objects.len()];
-        for i in case.vehicles() {
-            contacts[i] = first_contact(case, i, overlaps);
-        }
-        Self(contacts)
+        case.of_vehicles(|i| first_contact(case, i, overlaps))
     }
 }
 
-/// Returns the first contact of every object with the AV; `None` for objects without a contact or that are
-/// not evaluated vehicles.
-pub(super) fn contacts<'c>(case: &'c Case<'_>) -> &'c [Option<Contact>] {
-    &case.judgement::<Contacts>().0
+impl Case<'_> {
+    /// Returns the first contact of every object with the AV; `None` for objects without a contact or that
+    /// are not evaluated vehicles.
+    pub fn contacts(&self) -> &[Option<Contact>] {
+        self.judgement::<Vec<Option<Contact>>>()
+    }
 }
 
 /// Returns the distance of a vehicle from its logged position at the step of a contact, metres; `None`
@@ -134,7 +129,7 @@ pub(super) const AT_FAULT: &OfBenchmark = &OfBenchmark {
 
 fn at_fault(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
     let mut count = 0;
-    for (i, contact) in contacts(case).iter().enumerate() {
+    for (i, contact) in case.contacts().iter().enumerate() {
         let Some(contact) = contact else { continue };
         count += u64::from(contact.fault.at_fault());
         let k = case.motion.at(i, case.current + contact.step);
@@ -163,5 +158,5 @@ pub(super) const ANY_OVERLAP: &OfBenchmark = &OfBenchmark {
         source: "beside A-AV Coll.: the same first contacts, without the test of fault",
     },
     has_events: false,
-    score: |case, _| Some(Score::Count(contacts(case).iter().flatten().count() as u64)),
+    score: |case, _| Some(Score::Count(case.contacts().iter().flatten().count() as u64)),
 };

@@ -22,34 +22,36 @@ pub struct DeviationStats {
     pub mean_speed_difference: Option<f64>,
 }
 
-/// Computes the statistics; `None` without a log or an AV.
-pub(super) fn deviation(case: &Case<'_>) -> Option<DeviationStats> {
-    let log = case.log.as_ref()?;
-    if !case.present(case.av) {
-        return None;
-    }
-    let log = &log[case.av];
-    let logged = |f: usize| log.at(f).filter(|s| s.is_finite()).map(|s| s.position());
-    let judged = |f: usize| case.motion.valid(case.av, f).then(|| case.motion.position(case.av, f));
-    let (mut sum, mut n) = (0.0, 0_u32);
-    for f in case.future() {
-        if let (Some(a), Some(b)) = (judged(f), logged(f)) {
-            sum += math::hypot(a.x - b.x, a.y - b.y);
-            n += 1;
+impl Case<'_> {
+    /// Returns the deviation of the evaluated AV from the logged AV; `None` without a log or an AV.
+    pub fn deviation(&self) -> Option<DeviationStats> {
+        let log = self.log.as_ref()?;
+        if !self.present(self.av) {
+            return None;
         }
+        let log = &log[self.av];
+        let logged = |f: usize| log.at(f).filter(|s| s.is_finite()).map(|s| s.position());
+        let judged = |f: usize| self.motion.valid(self.av, f).then(|| self.motion.position(self.av, f));
+        let (mut sum, mut n) = (0.0, 0_u32);
+        for f in self.future() {
+            if let (Some(a), Some(b)) = (judged(f), logged(f)) {
+                sum += math::hypot(a.x - b.x, a.y - b.y);
+                n += 1;
+            }
+        }
+        let last = self.frames() - 1;
+        let ahead = self.motion.axis[self.motion.at(self.av, self.current)];
+        let end = judged(last).zip(logged(last)).map(|(a, b)| a - b);
+        let speeds = (mean_speed(self, logged), mean_speed(self, judged));
+        Some(DeviationStats {
+            endpoint_longitudinal: end.map(|d| d.dot(&ahead)),
+            endpoint_lateral: end.map(|d| ahead.perp(&d)),
+            ade: (n > 0).then(|| sum / f64::from(n)),
+            mean_speed_log: speeds.0,
+            mean_speed_deviated: speeds.1,
+            mean_speed_difference: speeds.0.zip(speeds.1).map(|(log, judged)| judged - log),
+        })
     }
-    let last = case.frames() - 1;
-    let ahead = case.motion.axis[case.motion.at(case.av, case.current)];
-    let end = judged(last).zip(logged(last)).map(|(a, b)| a - b);
-    let speeds = (mean_speed(case, logged), mean_speed(case, judged));
-    Some(DeviationStats {
-        endpoint_longitudinal: end.map(|d| d.dot(&ahead)),
-        endpoint_lateral: end.map(|d| ahead.perp(&d)),
-        ade: (n > 0).then(|| sum / f64::from(n)),
-        mean_speed_log: speeds.0,
-        mean_speed_deviated: speeds.1,
-        mean_speed_difference: speeds.0.zip(speeds.1).map(|(log, judged)| judged - log),
-    })
 }
 
 /// Returns the mean length of the steps between consecutive valid frames, divided by 0.1 s, m/s. The first

@@ -44,24 +44,19 @@ pub struct WrongWayInterval {
     pub progress: f64,
 }
 
-struct Directions(Vec<WrongWay>);
-
-impl Judgement for Directions {
+impl Judgement for Vec<WrongWay> {
     fn compute(case: &Case<'_>) -> Self {
-        let mut found = vec![WrongWay::default(); case.objects.len()];
-        if !case.road.map.lanes.is_empty() {
-            let mut evaluator = Evaluator { case, tracker: Tracker::new(case), placed: Vec::new() };
-            for i in case.vehicles() {
-                found[i] = evaluator.vehicle(i);
-            }
+        if case.road.map.lanes.is_empty() {
+            return vec![WrongWay::default(); case.objects.len()];
         }
-        Self(found)
+        let mut evaluator = Evaluator { case, tracker: Tracker::new(case), placed: Vec::new() };
+        case.of_vehicles(|i| evaluator.vehicle(i))
     }
 }
 
 /// Returns the driving direction of every object; defaults for objects that are not evaluated vehicles.
 pub(super) fn directions<'c>(case: &'c Case<'_>) -> &'c [WrongWay] {
-    &case.judgement::<Directions>().0
+    case.judgement::<Vec<WrongWay>>()
 }
 
 struct Evaluator<'c, 'a> {
@@ -181,7 +176,7 @@ impl Evaluator<'_, '_> {
                 continue;
             }
             let k = case.motion.at(agent, f);
-            self.tracker.set_level(case.road_under(agent, f));
+            self.tracker.road = case.road_under(agent, f);
             let (on_lane, along) = self.tracker.some_lane_along(
                 case.motion.position(agent, f),
                 case.motion.axis[k],

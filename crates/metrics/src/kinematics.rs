@@ -74,21 +74,15 @@ impl InfeasibleMotion {
     }
 }
 
-struct AllInfeasibleMotion(Vec<InfeasibleMotion>);
-
-impl Judgement for AllInfeasibleMotion {
+impl Judgement for Vec<InfeasibleMotion> {
     fn compute(case: &Case<'_>) -> Self {
-        let mut found = vec![InfeasibleMotion::default(); case.objects.len()];
-        for i in case.vehicles() {
-            found[i] = transitions(case, i);
-        }
-        Self(found)
+        case.of_vehicles(|i| transitions(case, i))
     }
 }
 
 /// Returns the transitions of every object; zeros for objects that are not evaluated vehicles.
 pub(super) fn infeasible<'c>(case: &'c Case<'_>) -> &'c [InfeasibleMotion] {
-    &case.judgement::<AllInfeasibleMotion>().0
+    case.judgement::<Vec<InfeasibleMotion>>()
 }
 
 fn transitions(case: &Case<'_>, agent: usize) -> InfeasibleMotion {

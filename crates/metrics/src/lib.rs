@@ -55,9 +55,7 @@ pub use options::{
     Options, VelocitySource,
 };
 pub use score::Score;
-pub use scores::{
-    AgentScores, METRICS, REMOVED_METRICS, RolloutScores, Scores, metric, score_case, score_rollouts,
-};
+pub use scores::{AgentScores, METRICS, REMOVED_METRICS, RolloutScores, Scores, metric, score_case};
 use spec::OfBenchmark;
 pub use spec::{Metric, MetricSpec, Scope, Unit};
 pub use ttc::{Approach, is_front, placement};

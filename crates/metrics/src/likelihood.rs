@@ -9,32 +9,16 @@ use super::{Case, Judgement, LoggedTrack, MetricSpec, OfBenchmark, Scope, Score,
 /// Likelihoods of one scenario of 80 steps, each in (0, 1]; `None` if no logged sample is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KinematicLikelihood {
-    /// Likelihood of the speed.
-    pub linear_speed: Option<f64>,
-    /// Likelihood of the acceleration.
-    pub linear_acceleration: Option<f64>,
-    /// Likelihood of the yaw rate.
-    pub angular_speed: Option<f64>,
-    /// Likelihood of the yaw acceleration.
-    pub angular_acceleration: Option<f64>,
+    /// Likelihoods of speed, acceleration, yaw rate and yaw acceleration, by the name of the feature.
+    pub features: [(&'static str, Option<f64>); 4],
     /// Number of objects.
     pub objects: u64,
 }
 
 impl KinematicLikelihood {
-    /// Returns the four likelihoods by feature name.
-    pub fn features(&self) -> [(&'static str, Option<f64>); 4] {
-        [
-            ("linear_speed", self.linear_speed),
-            ("linear_acceleration", self.linear_acceleration),
-            ("angular_speed", self.angular_speed),
-            ("angular_acceleration", self.angular_acceleration),
-        ]
-    }
-
     /// Returns the mean of the four with equal weights; `None` if one is undefined.
     pub fn kinematic(&self) -> Option<f64> {
-        self.features().iter().try_fold(0.0, |sum, f| Some(sum + f.1?)).map(|sum| sum / 4.0)
+        self.features.iter().try_fold(0.0, |sum, f| Some(sum + f.1?)).map(|sum| sum / 4.0)
     }
 }
 
@@ -155,81 +139,77 @@ fn neighbours_valid(valid: &[bool]) -> Vec<bool> {
     (0..valid.len()).map(|k| k > 0 && k + 1 < valid.len() && valid[k - 1] && valid[k + 1]).collect()
 }
 
-struct CaseLikelihood(Option<KinematicLikelihood>);
-
-impl Judgement for CaseLikelihood {
+impl Judgement for Option<KinematicLikelihood> {
     fn compute(case: &Case<'_>) -> Self {
-        Self(compute(case))
+        let log = case.log.as_ref().filter(|_| !case.rollouts.is_empty() && case.future().len() == FUTURE)?;
+        let histograms = FEATURES.each_ref().map(Histogram::new);
+        let first = case.current + 1;
+        let (mut logged, mut rolled) = (Series::default(), Series::default());
+        let (mut sums, mut samples) = ([0.0_f64; 4], [0_u64; 4]);
+        let mut objects = 0;
+        for i in 0..case.objects.len() {
+            if !(case.evaluated(i) || (i == case.av && case.present(i) && case.options.lik_include_av)) {
+                continue;
+            }
+            objects += 1;
+            let mut counts = [[0_u64; MAX_BINS]; 4];
+            rolled.truncate(0);
+            push_history(&mut rolled, &log[i], first);
+            for rollout in &case.rollouts {
+                rolled.truncate(first);
+                for f in case.future() {
+                    rolled.push(pose(rollout[i].get(f - first).copied().flatten()));
+                }
+                rolled.differentiate(first);
+                let is_absent: Vec<bool> = rolled.x[first..].iter().map(|x| x.is_nan()).collect();
+                let is_complete = !case.may_leave || !is_absent.contains(&true);
+                for (k, histogram) in histograms.iter().enumerate() {
+                    for (step, &value) in rolled.features[k][first..].iter().enumerate() {
+                        if is_complete || !needs_absent(&is_absent, k, step) {
+                            counts[k][histogram.bin(value)] += 1;
+                        }
+                    }
+                }
+            }
+            logged.truncate(0);
+            push_history(&mut logged, &log[i], first);
+            for f in case.future() {
+                logged.push(pose(log[i].at(f)));
+            }
+            logged.differentiate(first);
+            let valid: Vec<bool> = case.future().map(|f| log[i].at(f).is_some()).collect();
+            let speed_valid = neighbours_valid(&valid);
+            let acceleration_valid = neighbours_valid(&speed_valid);
+            for (k, histogram) in histograms.iter().enumerate() {
+                let total = counts[k].iter().sum::<u64>() as f64 + PSEUDOCOUNT * histogram.bins as f64;
+                // Few bins are met; the logarithm of each is computed once.
+                let mut logarithms = [None; MAX_BINS];
+                let valid = if k % 2 == 0 { &speed_valid } else { &acceleration_valid };
+                for (&value, _) in logged.features[k][first..].iter().zip(valid).filter(|s| *s.1) {
+                    let bin = histogram.bin(value);
+                    let share = || math::ln((counts[k][bin] as f64 + PSEUDOCOUNT) / total);
+                    sums[k] += *logarithms[bin].get_or_insert_with(share);
+                    samples[k] += 1;
+                }
+            }
+        }
+        let of = |k: usize| (samples[k] > 0).then(|| math::exp(sums[k] / samples[k] as f64));
+        Some(KinematicLikelihood {
+            features: [
+                ("linear_speed", of(0)),
+                ("linear_acceleration", of(1)),
+                ("angular_speed", of(2)),
+                ("angular_acceleration", of(3)),
+            ],
+            objects,
+        })
     }
 }
 
 /// Returns the likelihoods of the case's log under its rollouts; `None` without a log, without rollouts, or
 /// if it has another number of steps than the challenge.
 pub(super) fn likelihood(case: &Case<'_>) -> Option<KinematicLikelihood> {
-    case.judgement::<CaseLikelihood>().0
-}
-
-fn compute(case: &Case<'_>) -> Option<KinematicLikelihood> {
-    let log = case.log.as_ref().filter(|_| !case.rollouts.is_empty() && case.future().len() == FUTURE)?;
-    let histograms = FEATURES.each_ref().map(Histogram::new);
-    let first = case.current + 1;
-    let (mut logged, mut rolled) = (Series::default(), Series::default());
-    let (mut sums, mut samples) = ([0.0_f64; 4], [0_u64; 4]);
-    let mut objects = 0;
-    for i in 0..case.objects.len() {
-        if !(case.evaluated(i) || (i == case.av && case.present(i) && case.options.lik_include_av)) {
-            continue;
-        }
-        objects += 1;
-        let mut counts = [[0_u64; MAX_BINS]; 4];
-        rolled.truncate(0);
-        push_history(&mut rolled, &log[i], first);
-        for rollout in &case.rollouts {
-            rolled.truncate(first);
-            for f in case.future() {
-                rolled.push(pose(rollout[i].get(f - first).copied().flatten()));
-            }
-            rolled.differentiate(first);
-            let is_absent: Vec<bool> = rolled.x[first..].iter().map(|x| x.is_nan()).collect();
-            let is_complete = !case.may_leave || !is_absent.contains(&true);
-            for (k, histogram) in histograms.iter().enumerate() {
-                for (step, &value) in rolled.features[k][first..].iter().enumerate() {
-                    if is_complete || !needs_absent(&is_absent, k, step) {
-                        counts[k][histogram.bin(value)] += 1;
-                    }
-                }
-            }
-        }
-        logged.truncate(0);
-        push_history(&mut logged, &log[i], first);
-        for f in case.future() {
-            logged.push(pose(log[i].at(f)));
-        }
-        logged.differentiate(first);
-        let valid: Vec<bool> = case.future().map(|f| log[i].at(f).is_some()).collect();
-        let speed_valid = neighbours_valid(&valid);
-        let acceleration_valid = neighbours_valid(&speed_valid);
-        for (k, histogram) in histograms.iter().enumerate() {
-            let total = counts[k].iter().sum::<u64>() as f64 + PSEUDOCOUNT * histogram.bins as f64;
-            // Few bins are met; the logarithm of each is computed once.
-            let mut logarithms = [None; MAX_BINS];
-            let valid = if k % 2 == 0 { &speed_valid } else { &acceleration_valid };
-            for (&value, _) in logged.features[k][first..].iter().zip(valid).filter(|s| *s.1) {
-                let bin = histogram.bin(value);
-                let share = || math::ln((counts[k][bin] as f64 + PSEUDOCOUNT) / total);
-                sums[k] += *logarithms[bin].get_or_insert_with(share);
-                samples[k] += 1;
-            }
-        }
-    }
-    let of = |k: usize| (samples[k] > 0).then(|| math::exp(sums[k] / samples[k] as f64));
-    Some(KinematicLikelihood {
-        linear_speed: of(0),
-        linear_acceleration: of(1),
-        angular_speed: of(2),
-        angular_acceleration: of(3),
-        objects,
-    })
+    *case.judgement::<Option<KinematicLikelihood>>()
 }
 
 /// Mean of the four kinematic likelihoods.

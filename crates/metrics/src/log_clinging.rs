@@ -1,6 +1,6 @@
 //! Log clinging: vehicles that collide with the AV because they replay their log.
 
-use super::collision::{contacts, log_distance};
+use super::collision::log_distance;
 use super::{Case, Event, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Distance between a vehicle and its logged position, in metres, up to which it is on its log.
@@ -25,7 +25,7 @@ pub(super) const LOG_CLINGING: &OfBenchmark = &OfBenchmark {
 
 fn score(case: &Case<'_>, _: &mut Vec<Event>) -> Option<Score> {
     let at_fault =
-        contacts(case).iter().enumerate().filter_map(|(i, c)| Some((i, c.filter(|c| c.fault.at_fault())?)));
+        case.contacts().iter().enumerate().filter_map(|(i, c)| Some((i, c.filter(|c| c.fault.at_fault())?)));
     let distances: Vec<f64> = at_fault.filter_map(|(i, contact)| log_distance(case, i, &contact)).collect();
     let hits = distances.iter().filter(|d| **d <= ON_LOG_DISTANCE).count() as u64;
     let valid = distances.len() as u64;

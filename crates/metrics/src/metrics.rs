@@ -3,7 +3,7 @@
 use reactsim_scene::Frame;
 
 use super::scores::{METRICS, REMOVED_METRICS, RolloutScores, Scores, metric};
-use super::{Case, Event, Metric, MetricSpec, Scope, ade, deviation, likelihood};
+use super::{Case, Event, Metric, MetricSpec, Scope, ade, likelihood};
 
 /// Names of columns that tables of rows have next to the metrics.
 const RESERVED: [&str; 8] =
@@ -52,7 +52,7 @@ impl Metrics {
         Scores {
             values: self.all().map(score).collect(),
             events,
-            deviation: deviation::deviation(case),
+            deviation: case.deviation(),
             displacement: ade::displacement(case).cloned(),
             likelihood: likelihood::likelihood(case),
             dir_tracking: case.options.dir_tracking,

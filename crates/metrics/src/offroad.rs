@@ -14,23 +14,18 @@ pub struct OffRoadSteps {
     pub intervals: Vec<(usize, usize)>,
 }
 
-struct AllOffRoadSteps(Vec<OffRoadSteps>);
-
-impl Judgement for AllOffRoadSteps {
+impl Judgement for Vec<OffRoadSteps> {
     fn compute(case: &Case<'_>) -> Self {
-        let mut steps = vec![OffRoadSteps::default(); case.objects.len()];
-        if case.road.has_drivable_area() {
-            for i in case.vehicles() {
-                steps[i] = steps_of(case, i);
-            }
+        if !case.road.has_drivable_area() {
+            return vec![OffRoadSteps::default(); case.objects.len()];
         }
-        Self(steps)
+        case.of_vehicles(|i| steps_of(case, i))
     }
 }
 
 /// Returns the off-road steps of every object; zeros for objects that are not evaluated vehicles.
 pub(super) fn off_road_steps<'c>(case: &'c Case<'_>) -> &'c [OffRoadSteps] {
-    &case.judgement::<AllOffRoadSteps>().0
+    case.judgement::<Vec<OffRoadSteps>>()
 }
 
 fn steps_of(case: &Case<'_>, agent: usize) -> OffRoadSteps {

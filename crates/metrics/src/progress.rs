@@ -1,8 +1,7 @@
 //! Progress of vehicles that the AV does not affect: reveals simulators that avoid collisions by freezing.
 
-use reactsim_geometry::Vec2;
+use reactsim_geometry::{OrientedBox, Vec2};
 
-use super::boxes::sharp_distance;
 use super::{Case, Event, LoggedTrack, MetricSpec, OfBenchmark, Scope, Score, Unit};
 
 /// Minimum logged displacement from the current position, in metres, for a vehicle to count.
@@ -60,14 +59,16 @@ pub(super) fn free_path(case: &Case<'_>, log: &LoggedTrack<'_>, agent: usize) ->
     let clear = |f: usize| {
         let Some(state) = log.at(f) else { return true };
         !(case.present(case.av) && case.motion.valid(case.av, f))
-            || sharp_distance(
-                &state.footprint(case.objects[agent].agent),
-                &case.motion.footprint(case.av, f),
-                CLEARANCE,
-            ) >= CLEARANCE
+            || are_clear(&state.footprint(case.objects[agent].agent), &case.motion.footprint(case.av, f))
             || case.log_is_apart(agent, f, state.position())
     };
     (farthest >= MIN_DISPLACEMENT && case.path_frames(agent).all(clear)).then_some(path)
+}
+
+/// Returns whether two sharp boxes keep clear of one another.
+fn are_clear(a: &OrientedBox, b: &OrientedBox) -> bool {
+    let least = (a.center - b.center).norm() - a.radius() - b.radius();
+    least > CLEARANCE || a.signed_distance(b) >= CLEARANCE
 }
 
 fn length(mut positions: impl Iterator<Item = Vec2>) -> f64 {

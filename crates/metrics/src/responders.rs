@@ -3,7 +3,6 @@
 use reactsim_scene::{DT, Response};
 
 use super::boxes::{excluded, overlap};
-use super::ttc::approaches;
 use super::{Case, Judgement};
 
 /// A direct responder: an agent whose certificate response answers the AV itself, with its motion in the
@@ -47,20 +46,16 @@ pub(super) fn excess(value: f64, other: f64) -> f64 {
     if difference > ROUNDING { difference } else { 0.0 }
 }
 
-struct Responders(Option<Vec<Responder>>);
-
-impl Judgement for Responders {
+impl Judgement for Option<Vec<Responder>> {
     fn compute(case: &Case<'_>) -> Self {
-        Self(case.certificate.map(|certificate| {
-            let direct = certificate.responses.iter().filter(|r| r.leader.is_none());
-            direct.filter_map(|response| responder(case, response)).collect()
-        }))
+        let direct = case.certificate?.responses.iter().filter(|r| r.leader.is_none());
+        Some(direct.filter_map(|response| responder(case, response)).collect())
     }
 }
 
 /// Returns the direct responders of a case, in the order of the certificate; `None` without a certificate.
 pub(super) fn responders<'c>(case: &'c Case<'_>) -> Option<&'c [Responder]> {
-    case.judgement::<Responders>().0.as_deref()
+    case.judgement::<Option<Vec<Responder>>>().as_deref()
 }
 
 /// Builds the responder of a response; `None` for an agent that is not evaluated: unknown, absent at the
@@ -107,10 +102,10 @@ fn under_reaction(case: &Case<'_>, agent: usize) -> Option<(usize, usize)> {
     if !case.present(case.av) || excluded(case, agent, case.av) {
         return None;
     }
-    let touches = |&f: &usize| overlap(case, agent, case.av, f, case.options.corner_rounding);
+    let touches = |&f: &usize| overlap(case, agent, case.av, f);
     let mut steps = case.future().filter(touches).map(|f| f - case.current);
     let contact = steps.next().map(|first| (first, steps.last().unwrap_or(first)));
-    let risky = approaches(case)[agent].and_then(|a| a.risky);
+    let risky = case.approaches()[agent].and_then(|a| a.risky);
     match (contact, risky) {
         (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
         (one, other) => one.or(other),

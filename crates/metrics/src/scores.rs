@@ -1,12 +1,10 @@
 //! The list of metrics, and all scores of one rollout.
 
-use reactsim_scene::Frame;
-
 use super::ade::{self, Displacement};
 use super::agent_agent::{self, Overlaps};
 use super::av::OfAv;
 use super::collision::{self, Contact};
-use super::deviation::{self, DeviationStats};
+use super::deviation::DeviationStats;
 use super::direction::{self, WrongWay};
 use super::kinematics::{self, InfeasibleMotion};
 use super::likelihood::{self, KinematicLikelihood};
@@ -106,11 +104,6 @@ pub struct RolloutScores {
     pub likelihood: Option<KinematicLikelihood>,
 }
 
-/// Computes the metrics of the benchmark over several rollouts of a scenario, as [`Metrics::score_rollouts`].
-pub fn score_rollouts<'a>(case: Case<'a>, rollouts: &[&'a [Vec<Frame>]]) -> RolloutScores {
-    Metrics::default().score_rollouts(case, rollouts)
-}
-
 /// The metric results of one object, for reports that list agents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AgentScores<'c> {
@@ -129,22 +122,6 @@ pub struct AgentScores<'c> {
 }
 
 impl Case<'_> {
-    /// Returns the deviation of the evaluated AV from the logged AV; `None` without a log.
-    pub fn deviation(&self) -> Option<DeviationStats> {
-        deviation::deviation(self)
-    }
-
-    /// Returns the first contact of every object with the AV; `None` for objects without a contact or that
-    /// are not evaluated vehicles.
-    pub fn contacts(&self) -> &[Option<Contact>] {
-        collision::contacts(self)
-    }
-
-    /// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
-    pub fn approaches(&self) -> &[Option<Approach>] {
-        ttc::approaches(self)
-    }
-
     /// Returns the metric results of one object.
     ///
     /// # Panics
@@ -152,8 +129,8 @@ impl Case<'_> {
     pub fn agent_scores(&self, object: usize) -> AgentScores<'_> {
         AgentScores {
             overlaps: &agent_agent::overlaps(self)[object],
-            contact: collision::contacts(self)[object],
-            approach: ttc::approaches(self)[object],
+            contact: self.contacts()[object],
+            approach: self.approaches()[object],
             off_road: &offroad::off_road_steps(self)[object],
             direction: &direction::directions(self)[object],
             infeasible: &kinematics::infeasible(self)[object],

@@ -29,22 +29,18 @@ pub struct Approach {
     pub risky: Option<(usize, usize)>,
 }
 
-struct Approaches(Vec<Option<Approach>>);
-
-impl Judgement for Approaches {
+impl Judgement for Vec<Option<Approach>> {
     fn compute(case: &Case<'_>) -> Self {
         let overlaps = av_overlaps(case);
-        let mut approaches = vec![None; case.objects.len()];
-        for i in case.vehicles() {
-            approaches[i] = Some(approach(case, i, overlaps));
-        }
-        Self(approaches)
+        case.of_vehicles(|i| Some(approach(case, i, overlaps)))
     }
 }
 
-/// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
-pub(super) fn approaches<'c>(case: &'c Case<'_>) -> &'c [Option<Approach>] {
-    &case.judgement::<Approaches>().0
+impl Case<'_> {
+    /// Returns the approach of every object to the AV; `None` for objects that are not evaluated vehicles.
+    pub fn approaches(&self) -> &[Option<Approach>] {
+        self.judgement::<Vec<Option<Approach>>>()
+    }
 }
 
 fn approach(case: &Case<'_>, agent: usize, overlaps: &[bool]) -> Approach {
@@ -128,7 +124,7 @@ pub(super) const RISKY: &OfBenchmark = &OfBenchmark {
 
 fn score(case: &Case<'_>, events: &mut Vec<Event>) -> Option<Score> {
     let mut count = 0;
-    for (i, approach) in approaches(case).iter().enumerate() {
+    for (i, approach) in case.approaches().iter().enumerate() {
         let Some((approach, (first, last))) = approach.and_then(|a| Some((a, a.risky?))) else {
             continue;
         };

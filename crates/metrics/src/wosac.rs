@@ -30,7 +30,7 @@ mod traffic_lights;
 pub use config::{Bins, CodeVersion, Config, Estimator};
 pub use error::WosacError;
 pub use feature::{Bucket, Feature};
-pub use result::{BucketMetrics, MeanMetrics, RolloutShare, WosacMetrics};
+pub use result::{MeanMetrics, RolloutShare, WosacMetrics};
 pub use scorer::Scorer;
 pub use steps::{Stage, StepFeatures};
 

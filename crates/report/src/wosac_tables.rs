@@ -41,7 +41,7 @@ impl Aggregate {
 }
 
 /// The aggregates of the leaderboard, in the order of
-/// [`BucketMetrics::fields`](reactsim_metrics::wosac::BucketMetrics::fields).
+/// [`WosacMetrics::buckets`](reactsim_metrics::wosac::WosacMetrics::buckets).
 pub const AGGREGATES: [Aggregate; 8] = [
     Aggregate::likelihood("realism_meta_metric", "Realism"),
     Aggregate::likelihood("kinematic_metrics", "Kinematic"),

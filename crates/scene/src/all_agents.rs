@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use reactsim_geometry::OrientedBox;
 
 use super::assemble::WITHOUT_EXTENT;
-use super::{AgentKind, AgentState, LoggedAgent, Scenario, Start};
+use super::{AgentKind, AgentState, Length, LoggedAgent, Scenario, Start};
 
 impl Scenario {
     /// Selects all agents that are present at the current frame, of all kinds, sizes and any number, as the
@@ -18,23 +18,13 @@ impl Scenario {
         let current = length.current();
         let is_here = |logged: &LoggedAgent| logged.track[current].is_some();
         let (mut added, rest): (Vec<LoggedAgent>, Vec<LoggedAgent>) =
-            self.unselected.into_iter().partition(is_here);
+            std::mem::take(&mut self.unselected).into_iter().partition(is_here);
         let distance = |logged: &LoggedAgent| {
             logged.track[current].map_or(f64::INFINITY, |state| (state.position() - av).norm())
         };
         // Equally distant agents stay in the order of the file.
         added.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        for LoggedAgent { agent, mut track, mut heights } in added {
-            let future = track.split_off(length.history);
-            self.start.agents.push(agent);
-            self.start.history.push(track);
-            self.log_future.tracks.push(future);
-            if self.start.has_levels() {
-                heights.resize(length.frames(), None);
-                self.log_future.heights.push(heights.split_off(length.history));
-                self.start.heights.push(heights);
-            }
-        }
+        added.into_iter().for_each(|logged| self.add_agent(logged, length));
         self.start.obstacles.clear();
         self.start.obstacle_heights.clear();
         self.repairs.remove(WITHOUT_EXTENT);
@@ -43,9 +33,8 @@ impl Scenario {
 
     /// Returns the scenario as it is in a rollout that agents of [`Self::unselected`] enter, for judging and
     /// drawing: they follow the agents of the beginning in this order, and are absent at the current frame,
-    /// where
-    /// [`Start::now`] has no state of them. Of the other agents it has the static context, which
-    /// is that of each frame.
+    /// where [`Start::now`] has no state of them. Of the other agents it has the static context, which is that
+    /// of each frame.
     pub fn with_entered(&self, entered: &[usize]) -> Self {
         let length = self.length();
         let is_context = |logged: &&LoggedAgent| logged.agent.kind == AgentKind::Other;
@@ -66,23 +55,28 @@ impl Scenario {
             notes: OnceLock::from(self.notes().clone()),
         };
         let has_levels = self.start.has_levels();
-        for LoggedAgent { agent, track, heights } in entered.iter().map(|logged| &self.unselected[*logged]) {
-            let (history, future) = track.split_at(length.history);
-            scenario.start.agents.push(agent.clone());
-            scenario.start.history.push(history.to_vec());
-            scenario.log_future.tracks.push(future.to_vec());
-            if has_levels {
-                let mut heights = heights.clone();
-                heights.resize(length.frames(), None);
-                let future = heights.split_off(length.history);
+        for logged in entered.iter().map(|logged| &self.unselected[*logged]) {
+            scenario.add_agent(logged.clone(), length);
+            if has_levels && let Some(heights) = scenario.start.heights.last_mut() {
                 // Its height at its first frame is the one from which it is followed.
-                let first = (length.history..track.len()).find(|frame| track[*frame].is_some());
-                heights[length.current()] = first.and_then(|frame| future[frame - length.history]);
-                scenario.start.heights.push(heights);
-                scenario.log_future.heights.push(future);
+                let first = (length.history..logged.track.len()).find(|frame| logged.track[*frame].is_some());
+                heights[length.current()] = first.and_then(|frame| *logged.heights.get(frame)?);
             }
         }
         scenario
+    }
+
+    /// Adds an agent after those of the beginning.
+    pub(super) fn add_agent(&mut self, logged: LoggedAgent, length: Length) {
+        let LoggedAgent { agent, mut track, mut heights } = logged;
+        self.log_future.tracks.push(track.split_off(length.history));
+        self.start.history.push(track);
+        self.start.agents.push(agent);
+        if self.start.has_levels() {
+            heights.resize(length.frames(), None);
+            self.log_future.heights.push(heights.split_off(length.history));
+            self.start.heights.push(heights);
+        }
     }
 
     /// Returns the boxes of the static context at a frame: those of the start, or of the frame if it changes.

@@ -76,27 +76,17 @@ impl Scenario {
 
         let (selected, unselected) = select_agents(agents, parts.av, &mut builder);
         let (obstacles, obstacle_heights) = obstacles(&unselected, length.current()).unzip();
-        let mut start = Start {
+        let start = Start {
             agents: Vec::with_capacity(selected.len()),
             history: Vec::with_capacity(selected.len()),
             obstacles,
             obstacle_numbers: Vec::new(),
             map: SharedMap::new(map),
-            heights: Vec::with_capacity(selected.len()),
+            heights: Vec::new(),
             obstacle_heights,
             lights: lights.positions,
             light_history: lights.history,
         };
-        let mut tracks = Vec::with_capacity(selected.len());
-        let mut heights = Vec::with_capacity(selected.len());
-        for mut logged in selected {
-            tracks.push(logged.track.split_off(length.history));
-            logged.heights.resize(length.frames(), None);
-            heights.push(logged.heights.split_off(length.history));
-            start.heights.push(logged.heights);
-            start.agents.push(logged.agent);
-            start.history.push(logged.track);
-        }
         let mut scenario = Self {
             id: parts.id,
             source: parts.source,
@@ -105,21 +95,20 @@ impl Scenario {
             tracks_to_predict: parts.tracks_to_predict,
             objects_of_interest: parts.objects_of_interest,
             start,
-            log_future: LogFuture { tracks, heights, lights: lights.future },
+            log_future: LogFuture { tracks: Vec::new(), heights: Vec::new(), lights: lights.future },
             unselected,
             context_changes: false,
             deviation,
             repairs: builder.repairs,
             notes: OnceLock::new(),
         };
+        selected.into_iter().for_each(|logged| scenario.add_agent(logged, length));
         if !scenario.start.has_levels() {
             scenario.drop_heights();
         }
         Ok(scenario)
     }
-}
 
-impl Scenario {
     /// Takes the heights of obstacles from those of the unselected agents.
     pub(super) fn find_obstacle_heights(&mut self) {
         self.start.obstacle_heights =

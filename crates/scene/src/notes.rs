@@ -183,13 +183,12 @@ fn overlapping_agents(scenario: &Scenario) -> usize {
     let boxes: Vec<_> = (0..agents.len()).map(|i| scenario.start.now(i).footprint(&agents[i])).collect();
     let road = scenario.start.road();
     let place = |i: usize| (boxes[i].center, scenario.start.height_now(i));
-    let sized = |i: usize| agents[i].length > 0.0 && agents[i].width > 0.0;
     let overlap = |i: usize, j: usize| {
         let kinds = [agents[i].kind, agents[j].kind];
         kinds.contains(&AgentKind::Vehicle)
             && !kinds.contains(&AgentKind::Other)
-            && sized(i)
-            && sized(j)
+            && agents[i].has_extent()
+            && agents[j].has_extent()
             && (boxes[i].center - boxes[j].center).norm() <= boxes[i].radius() + boxes[j].radius()
             && !road.is_apart(place(i), place(j))
             && rounded_distance(&boxes[i], &boxes[j], CORNER_ROUNDING) < 0.0

@@ -124,6 +124,20 @@ pub struct NeighborParts {
     pub other_end: u32,
 }
 
+impl NeighborParts {
+    /// A neighbour along both lanes, which have these numbers of points.
+    pub fn whole(lane: impl Into<String>, own_points: usize, other_points: usize) -> Self {
+        let last = |points: usize| u32::try_from(points.saturating_sub(1)).unwrap_or(u32::MAX);
+        Self {
+            lane: lane.into(),
+            self_start: 0,
+            self_end: last(own_points),
+            other_start: 0,
+            other_end: last(other_points),
+        }
+    }
+}
+
 /// A stop line by lane id.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StopLineParts {

@@ -10,7 +10,6 @@ use reactsim::generation::GenerationError;
 use reactsim::geometry::{Polygon, Vec2};
 use reactsim::scene::{CURRENT, MapParts, Scenario};
 
-use super::stats::Quiet;
 use crate::scenes::{arc, car, join, lane, line, scene};
 
 fn groups() -> Vec<String> {

@@ -36,7 +36,6 @@ impl RealismScores {
                     .filter_map(|(name, value)| Some((name.to_owned(), json!(value?))))
                     .collect()
             };
-            let buckets = mean.buckets(config).fields();
             let intervals: Map<String, Value> = self
                 .aggregates(i)
                 .into_iter()
@@ -46,7 +45,7 @@ impl RealismScores {
                 .collect();
             let entry = json!({
                 "metrics": fields(mean.fields()),
-                "buckets": fields(buckets.to_vec()),
+                "buckets": fields(mean.buckets(config).to_vec()),
                 "intervals_95": intervals,
             });
             configs.insert(config.id.to_owned(), entry);

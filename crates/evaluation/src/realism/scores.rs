@@ -90,13 +90,13 @@ impl RealismScores {
 
     /// Returns mean and interval of every aggregate of a leaderboard in a configuration, by the names of the
     /// official message and in the order of
-    /// [`BucketMetrics::fields`](reactsim_metrics::wosac::BucketMetrics::fields).
+    /// [`WosacMetrics::buckets`](reactsim_metrics::wosac::WosacMetrics::buckets).
     ///
     /// # Panics
     /// If there is no such configuration.
     pub fn aggregates(&self, config: usize) -> Vec<(&'static str, Estimate)> {
         let of = &self.configs[config];
-        let fields = |row: &RealismRow| row.metrics[config].buckets(of).fields();
+        let fields = |row: &RealismRow| row.metrics[config].buckets(of);
         let Some(first) = self.rows.first() else { return Vec::new() };
         let estimate = |(i, (name, _)): (usize, (&'static str, _))| {
             let stream = format!("{}-{name}", of.id);

@@ -193,7 +193,7 @@ fn displacement_json(d: &Displacement) -> Value {
 
 fn likelihood_json(likelihood: &KinematicLikelihood) -> Value {
     let mut out = Map::new();
-    for (name, value) in likelihood.features() {
+    for (name, value) in likelihood.features {
         out.insert(name.into(), number(value));
     }
     out.insert("kinematic".into(), number(likelihood.kinematic()));
@@ -252,9 +252,9 @@ fn aggregate(all: &[Scores]) -> (Map<String, Value>, Map<String, Value>) {
         let mut features = Map::new();
         let mut means_of_features = Vec::new();
         for k in 0..FEATURES {
-            let values = all.iter().filter_map(|s| Some(s.likelihood.as_ref()?.features()[k].1));
+            let values = all.iter().filter_map(|s| Some(s.likelihood.as_ref()?.features[k].1));
             let mean = mean(values.flatten());
-            if let Some(name) = all.iter().find_map(|s| Some(s.likelihood.as_ref()?.features()[k].0)) {
+            if let Some(name) = all.iter().find_map(|s| Some(s.likelihood.as_ref()?.features[k].0)) {
                 features.insert(name.into(), number(mean));
             }
             means_of_features.extend(mean);

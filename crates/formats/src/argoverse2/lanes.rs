@@ -39,10 +39,6 @@ impl RawLane {
         let line = points(&self.centerline);
         Some(line.last()? - line.first()?)
     }
-
-    fn last(&self) -> u32 {
-        u32::try_from(self.centerline.len().saturating_sub(1)).unwrap_or(u32::MAX)
-    }
 }
 
 /// Converts the lanes, in the order of their keys.
@@ -56,13 +52,8 @@ pub(super) fn lanes(raw: &BTreeMap<String, RawLane>) -> Vec<LaneParts> {
         if along.is_some_and(|d| d <= 0.0) {
             return Vec::new();
         }
-        vec![NeighborParts {
-            lane: id.to_string(),
-            self_start: 0,
-            self_end: lane.last(),
-            other_start: 0,
-            other_end: other.map_or(0, |o| o.last()),
-        }]
+        let other_points = other.map_or(0, |o| o.centerline.len());
+        vec![NeighborParts::whole(id.to_string(), lane.centerline.len(), other_points)]
     };
     let names = |ids: &[i64]| ids.iter().map(i64::to_string).collect();
     raw.values()

@@ -9,7 +9,6 @@ use serde::Deserialize;
 pub(super) struct Point {
     pub(super) x: f64,
     pub(super) y: f64,
-    #[serde(default)]
     pub(super) z: Option<f64>,
 }
 

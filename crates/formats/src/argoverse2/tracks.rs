@@ -8,7 +8,7 @@ use reactsim_scene::AgentState;
 use crate::error::{Cause, FormatError};
 use crate::table::{Batch, Leaf, TableReader, View};
 
-const COLUMNS: &[&str] = &[
+const COLUMNS: [&str; 14] = [
     "track_id",
     "object_type",
     "object_category",
@@ -75,7 +75,7 @@ impl Tracks {
     /// Reads the id of the scenario from the first row of a table; `None` if this fails.
     pub(super) fn scenario_id(path: &Path) -> Option<String> {
         let mut table = TableReader::open(path).ok()?;
-        table.only(&["scenario_id"]);
+        table.only(["scenario_id"]);
         let batch = table.next_batch()?.ok()?;
         let ids = View::need(&batch, "scenario_id", Leaf::Text, 0).ok()?;
         (batch.num_rows() > 0).then(|| ids.text(0).map(str::to_owned)).flatten()

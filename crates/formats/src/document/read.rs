@@ -243,25 +243,19 @@ fn scenario(index: usize, value: Value) -> Result<DocumentScenario, DocumentErro
     for (i, LoggedAgent { agent, track, .. }) in agents.iter_mut().enumerate() {
         at.within_limits(agent, &format!("agents[{i}] (`{}`)", agent.id), track)?;
     }
-    let log = match raw.log {
-        None => None,
-        Some(log) => {
-            at.length("log", &log, agents.len())?;
-            let tracks = log.into_iter().zip(&agents).enumerate();
-            Some(
-                tracks
-                    .map(|(i, (value, agent))| {
-                        let field = format!("log[{i}]");
-                        let part = at.part(&field, value)?;
-                        let field = format!("{field} (agent `{}`)", agent.agent.id);
-                        let mut log = logged(at, &field, part, current, frames)?;
-                        at.within_limits(&agent.agent, &field, &mut log.track)?;
-                        Ok(log)
-                    })
-                    .collect::<Result<_, DocumentError>>()?,
-            )
-        }
+    if let Some(log) = &raw.log {
+        at.length("log", log, agents.len())?;
+    }
+    let track_of = |(i, (value, agent)): (usize, (Value, &LoggedAgent))| {
+        let field = format!("log[{i}]");
+        let part = at.part(&field, value)?;
+        let field = format!("{field} (agent `{}`)", agent.agent.id);
+        let mut log = logged(at, &field, part, current, frames)?;
+        at.within_limits(&agent.agent, &field, &mut log.track)?;
+        Ok::<_, DocumentError>(log)
     };
+    let log = raw.log.map(|log| log.into_iter().zip(&agents).enumerate().map(track_of).collect());
+    let log = log.transpose()?;
     let mut rollouts = Vec::new();
     for (r, rollout) in raw.rollouts.unwrap_or_default().into_iter().enumerate() {
         at.length(&format!("rollouts[{r}]"), &rollout, agents.len())?;
@@ -424,13 +418,9 @@ fn lanes(at: Location<'_>, values: Vec<Value>) -> Result<Vec<Lane>, DocumentErro
     let mut lanes = Vec::with_capacity(raws.len());
     for (i, raw) in raws.into_iter().enumerate() {
         let field = format!("map.lanes[{i}] (`{}`)", raw.id.0);
-        let kind = match raw.kind.as_str() {
-            "lane" => LaneKind::Lane,
-            "connector" => LaneKind::Connector,
-            other => {
-                return Err(at.error(format!("{field}.kind"), format!("`{other}`"), "`lane` or `connector`"));
-            }
-        };
+        let kind = LaneKind::from_name(&raw.kind).ok_or_else(|| {
+            at.error(format!("{field}.kind"), format!("`{}`", raw.kind), "`lane` or `connector`")
+        })?;
         let points = at.points(&format!("{field}.baseline"), raw.baseline.0)?;
         let baseline = Polyline::new(&points).map_err(|_| {
             at.error(format!("{field}.baseline"), format!("{} points", points.len()), "two distinct points")

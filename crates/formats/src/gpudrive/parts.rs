@@ -21,16 +21,11 @@ const INVALID_COORDINATE: f64 = -10_000.0;
 const UNMARKED_AV: &str =
     "mark of the AV (`metadata.sdc_track_index`) that the file lacks: the last object is taken";
 
-/// Scenario parts of a file, with the omitted elements.
-pub(super) struct ConvertedScenario {
-    pub(super) parts: ScenarioParts,
-    /// Number of omitted elements by description.
-    pub(super) left_out: BTreeMap<&'static str, u32>,
-    /// Number of objects by the repair of their type.
-    pub(super) unknown_types: BTreeMap<String, u32>,
-}
-
-pub(super) fn parts(raw: RawScenario, choice: LengthChoice) -> Result<ConvertedScenario, Cause> {
+/// Converts a file to scenario parts; also returns the repairs made, with their numbers.
+pub(super) fn parts(
+    raw: RawScenario,
+    choice: LengthChoice,
+) -> Result<(ScenarioParts, BTreeMap<String, u32>), Cause> {
     let id = raw
         .id()
         .ok_or_else(|| Cause::schema("`scenario_id`", "missing", "the id of the scenario, or a `name`"))?;
@@ -61,11 +56,11 @@ pub(super) fn parts(raw: RawScenario, choice: LengthChoice) -> Result<ConvertedS
     let window = Window::of(&raw, choice)?;
     let unit = angles::radians_per_unit(&raw);
     let mut agents = Vec::with_capacity(raw.objects.len());
-    let mut unknown_types = BTreeMap::new();
+    let mut repairs = BTreeMap::new();
     for (i, object) in raw.objects.iter().enumerate() {
         agents.push(agent(i, object, ids[i].clone(), unit, &window)?);
         if kind(&object.kind).is_none() {
-            *unknown_types.entry(unknown_type(&object.kind)).or_default() += 1;
+            *repairs.entry(unknown_type(&object.kind)).or_default() += 1;
         }
     }
     let mut lights = Vec::new();
@@ -73,12 +68,12 @@ pub(super) fn parts(raw: RawScenario, choice: LengthChoice) -> Result<ConvertedS
     for (lane, light) in raw.tl_states {
         lights.extend(self::light(lane, &light, &window)?);
     }
-    let (mut map, mut left_out) = roads::map(raw.roads)?;
+    let mut map = roads::map(raw.roads, &mut repairs)?;
     if !is_av_stated {
-        left_out.insert(UNMARKED_AV, 1);
+        repairs.insert(UNMARKED_AV.to_owned(), 1);
     }
     if window.length.history > HISTORY {
-        left_out.insert(LATER_FRAME, (window.length.history - HISTORY) as u32);
+        repairs.insert(LATER_FRAME.to_owned(), (window.length.history - HISTORY) as u32);
     }
     map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     let parts = ScenarioParts {
@@ -95,7 +90,7 @@ pub(super) fn parts(raw: RawScenario, choice: LengthChoice) -> Result<ConvertedS
         lights,
         deviation: None,
     };
-    Ok(ConvertedScenario { parts, left_out, unknown_types })
+    Ok((parts, repairs))
 }
 
 /// The frames of a recording that become those of the scenario.

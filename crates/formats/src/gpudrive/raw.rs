@@ -11,9 +11,7 @@ use crate::document::values::Number;
 #[derive(Deserialize)]
 #[serde(expecting = "an object")]
 pub(super) struct RawScenario {
-    #[serde(default)]
     pub(super) name: Option<String>,
-    #[serde(default)]
     pub(super) scenario_id: Option<String>,
     pub(super) objects: Vec<RawObject>,
     pub(super) roads: Vec<RawRoad>,
@@ -21,7 +19,6 @@ pub(super) struct RawScenario {
     #[serde(default)]
     pub(super) tl_states: BTreeMap<String, RawLight>,
     /// Metadata; missing in old files.
-    #[serde(default)]
     pub(super) metadata: Option<RawMetadata>,
 }
 
@@ -36,7 +33,6 @@ impl RawScenario {
 #[derive(Deserialize)]
 #[serde(expecting = "an object")]
 pub(super) struct RawMetadata {
-    #[serde(default)]
     pub(super) sdc_track_index: Option<i64>,
     #[serde(default)]
     pub(super) objects_of_interest: Vec<Name>,
@@ -53,7 +49,6 @@ pub(super) struct RawPrediction {
 #[derive(Deserialize)]
 #[serde(expecting = "an object")]
 pub(super) struct RawObject {
-    #[serde(default)]
     pub(super) id: Option<Name>,
     #[serde(rename = "type")]
     pub(super) kind: String,
@@ -61,7 +56,6 @@ pub(super) struct RawObject {
     pub(super) length: f64,
     #[serde(deserialize_with = "number")]
     pub(super) width: f64,
-    #[serde(default)]
     pub(super) height: Option<f64>,
     pub(super) position: Vec<Point>,
     pub(super) velocity: Vec<Point>,
@@ -73,9 +67,7 @@ pub(super) struct RawObject {
 #[derive(Deserialize)]
 #[serde(expecting = "an object")]
 pub(super) struct RawRoad {
-    #[serde(default)]
     pub(super) id: Option<Name>,
-    #[serde(default)]
     pub(super) map_element_id: Option<i64>,
     #[serde(rename = "type")]
     pub(super) kind: String,
@@ -100,7 +92,6 @@ pub(super) struct Point {
     pub(super) x: f64,
     #[serde(deserialize_with = "number")]
     pub(super) y: f64,
-    #[serde(default)]
     pub(super) z: Option<f64>,
 }
 

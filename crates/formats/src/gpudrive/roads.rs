@@ -18,17 +18,17 @@ const BOUNDARY_ID: i64 = 15;
 /// Element id of road edges that are medians.
 const MEDIAN_ID: i64 = 16;
 
-/// Converts road elements to a map; also returns the number of omitted elements by description.
-pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static str, u32>), Cause> {
+/// Converts road elements to a map; omitted elements are counted in `repairs`.
+pub(super) fn map(roads: Vec<RawRoad>, repairs: &mut BTreeMap<String, u32>) -> Result<MapParts, Cause> {
     let mut map = MapParts::default();
-    let mut left_out: BTreeMap<&'static str, u32> = BTreeMap::new();
+    let mut leave_out = |what: &str| *repairs.entry(what.to_owned()).or_default() += 1;
     for (i, road) in roads.into_iter().enumerate() {
         let code = road.map_element_id;
         let heights: Vec<f64> = road.geometry.iter().map(|p| p.z.unwrap_or(f64::NAN)).collect();
         let points = points(&road.geometry);
         match road.kind.as_str() {
             "lane" if points.windows(2).all(|w| w[0] == w[1]) => {
-                *left_out.entry("lanes without extent").or_default() += 1;
+                leave_out("lanes without extent");
             }
             "lane" => {
                 map.heights.lanes.push(heights);
@@ -69,12 +69,12 @@ pub(super) fn map(roads: Vec<RawRoad>) -> Result<(MapParts, BTreeMap<&'static st
                 map.driveways.push(Surface { outline: points });
             }
             // The lane of a stop sign is not recorded, and the nearest lane is often the wrong one.
-            "stop_sign" => *left_out.entry("stop signs of unknown lanes").or_default() += 1,
-            _ => *left_out.entry("road elements of unknown type").or_default() += 1,
+            "stop_sign" => leave_out("stop signs of unknown lanes"),
+            _ => leave_out("road elements of unknown type"),
         }
     }
     links::link(&mut map.lanes)?;
-    Ok((map, left_out))
+    Ok(map)
 }
 
 fn class(code: Option<i64>) -> LaneClass {

@@ -44,10 +44,8 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
         let expected = format!("at most {most} in one scenario");
         return Err(Cause::value("the number of `agents`", raw.agents.len(), expected));
     }
-    let mut agents = Vec::with_capacity(raw.agents.len());
-    for (i, agent) in raw.agents.iter().enumerate() {
-        agents.push(logged(&format!("agents[{i}]"), agent, length)?);
-    }
+    let agent = |(i, agent)| logged(&format!("agents[{i}]"), agent, length);
+    let agents: Vec<LoggedAgent> = raw.agents.iter().enumerate().map(agent).collect::<Result<_, _>>()?;
     let known: BTreeSet<&str> = raw.agents.iter().map(|a| a.id.as_str()).collect();
     for (field, ids) in
         [("tracks_to_predict", &raw.tracks_to_predict), ("objects_of_interest", &raw.objects_of_interest)]
@@ -56,19 +54,13 @@ pub(super) fn parts(raw: RawScenario) -> Result<ScenarioParts, Cause> {
             return Err(Cause::value(field, format!("`{id}`"), "ids of agents"));
         }
     }
-    let now = agents.get(av).and_then(|a: &LoggedAgent| a.track[length.current()]);
-    let deviation = match raw.deviation {
-        None => None,
-        Some(deviation) => Some(deviated(deviation, now, length)?),
-    };
+    let now = agents.get(av).and_then(|a| a.track[length.current()]);
+    let deviation = raw.deviation.map(|deviation| deviated(deviation, now, length)).transpose()?;
     let mut map = map(raw.map)?;
     check_lights(raw.lights.len(), length.frames())?;
-    let mut lights = Vec::with_capacity(raw.lights.len());
-    for (i, light) in raw.lights.iter().enumerate() {
-        let light = self::light(&format!("lights[{i}]"), light, length.frames())?;
-        map.stop_lines.push(light.stop_line());
-        lights.push(light);
-    }
+    let light = |(i, light)| self::light(&format!("lights[{i}]"), light, length.frames());
+    let lights: Vec<LightParts> = raw.lights.iter().enumerate().map(light).collect::<Result<_, _>>()?;
+    map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
     Ok(ScenarioParts {
         id: raw.id,
         source: raw.source.unwrap_or_else(|| "json".into()),
@@ -145,10 +137,8 @@ fn frames(field: &str, raw: &RawTrack, expected: usize) -> Result<Vec<Frame>, Ca
 
 fn deviated(raw: RawDeviation, now: Frame, length: Length) -> Result<DeviationParts, Cause> {
     let categories = "longitudinal, lateral or directional";
-    let category = match &raw.category {
-        None => None,
-        Some(name) => Some(named("deviation.category".into(), name, Deviation::from_name, categories)?),
-    };
+    let category = |name| named("deviation.category".into(), name, Deviation::from_name, categories);
+    let category = raw.category.as_deref().map(category).transpose()?;
     let track = match (&raw.track, &raw.pieces) {
         (Some(track), None) => frames("deviation.track", track, length.future)?,
         (None, Some(pieces)) => {
@@ -226,10 +216,9 @@ fn map(raw: RawMap) -> Result<MapParts, Cause> {
 }
 
 fn lanes(raw: &[RawLane], budget: &mut usize) -> Result<Vec<LaneParts>, Cause> {
-    let mut baselines = Vec::with_capacity(raw.len());
-    for (i, lane) in raw.iter().enumerate() {
-        baselines.push(line(&format!("map.lanes[{i}]"), &lane.points, &lane.path, budget)?);
-    }
+    let baseline =
+        |(i, lane): (usize, &RawLane)| line(&format!("map.lanes[{i}]"), &lane.points, &lane.path, budget);
+    let baselines: Vec<Vec<Vec2>> = raw.iter().enumerate().map(baseline).collect::<Result<_, _>>()?;
     let last = |i: usize| u32::try_from(baselines[i].len().saturating_sub(1)).unwrap_or(u32::MAX);
     // The first of lanes with the same id; such a scenario is refused later.
     let (mut index, mut before) = (BTreeMap::new(), BTreeMap::<&str, Vec<String>>::new());
@@ -277,9 +266,9 @@ fn lanes(raw: &[RawLane], budget: &mut usize) -> Result<Vec<LaneParts>, Cause> {
 }
 
 fn light(field: &str, raw: &RawLight, frames: usize) -> Result<LightParts, Cause> {
-    let state = |at: String, name: &Option<String>| match name {
-        None => Ok(None),
-        Some(name) => named(at, name, LightState::from_name, "a light state such as `stop`").map(Some),
+    let state = |at: String, name: &Option<String>| {
+        let known = |name| named(at, name, LightState::from_name, "a light state such as `stop`");
+        name.as_deref().map(known).transpose()
     };
     let mut states = Vec::with_capacity(frames);
     match (&raw.states, &raw.phases) {

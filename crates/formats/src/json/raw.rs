@@ -7,13 +7,11 @@ use serde::Deserialize;
 pub(super) const FORMAT: &str = "reactsim-scenario-v1";
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawScenario {
     pub(super) format: String,
     pub(super) id: String,
     pub(super) intent: String,
-    #[serde(default)]
     pub(super) source: Option<String>,
     /// Frames up to and including the current one.
     #[serde(default = "history")]
@@ -23,7 +21,6 @@ pub(super) struct RawScenario {
     pub(super) future: usize,
     #[serde(default)]
     pub(super) timestamps: Vec<f64>,
-    #[serde(default)]
     pub(super) av: Option<String>,
     pub(super) agents: Vec<RawAgent>,
     #[serde(default)]
@@ -34,7 +31,6 @@ pub(super) struct RawScenario {
     pub(super) map: RawMap,
     #[serde(default)]
     pub(super) lights: Vec<RawLight>,
-    #[serde(default)]
     pub(super) deviation: Option<RawDeviation>,
 }
 
@@ -47,17 +43,14 @@ fn future() -> usize {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawAgent {
     pub(super) id: String,
     #[serde(default = "vehicle")]
     pub(super) kind: String,
     pub(super) length: f64,
     pub(super) width: f64,
-    #[serde(default)]
     pub(super) track: Option<RawTrack>,
-    #[serde(default)]
     pub(super) motion: Option<RawMotion>,
 }
 
@@ -67,22 +60,18 @@ fn vehicle() -> String {
 
 /// Track with one entry per frame; `null` where absent (x, y, heading) or unknown (vx, vy).
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawTrack {
     pub(super) x: Vec<Option<f64>>,
     pub(super) y: Vec<Option<f64>>,
     pub(super) heading: Vec<Option<f64>>,
-    #[serde(default)]
     pub(super) vx: Option<Vec<Option<f64>>>,
-    #[serde(default)]
     pub(super) vy: Option<Vec<Option<f64>>>,
 }
 
 /// Motion given by the state at the current frame, the time before it and the pieces after it.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawMotion {
     pub(super) at: [f64; 2],
     #[serde(default)]
@@ -93,24 +82,19 @@ pub(super) struct RawMotion {
     pub(super) past: RawPast,
     #[serde(default)]
     pub(super) pieces: Vec<RawPiece>,
-    #[serde(default)]
     pub(super) frames: Option<[usize; 2]>,
 }
 
 #[derive(Clone, Copy, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(default, deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawPast {
-    #[serde(default)]
     pub(super) acceleration: f64,
-    #[serde(default)]
     pub(super) curvature: f64,
 }
 
 /// Time interval with constant acceleration and curvature, and a lateral shift.
 #[derive(Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawPiece {
     pub(super) seconds: f64,
     #[serde(default)]
@@ -122,51 +106,34 @@ pub(super) struct RawPiece {
 }
 
 #[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(default, deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawMap {
-    #[serde(default)]
     pub(super) lanes: Vec<RawLane>,
-    #[serde(default)]
     pub(super) road_edges: Vec<RawEdge>,
-    #[serde(default)]
     pub(super) road_lines: Vec<RawLine>,
-    #[serde(default)]
     pub(super) stop_lines: Vec<RawStopLine>,
-    #[serde(default)]
     pub(super) crosswalks: Vec<Vec<[f64; 2]>>,
-    #[serde(default)]
     pub(super) speed_bumps: Vec<Vec<[f64; 2]>>,
-    #[serde(default)]
     pub(super) driveways: Vec<Vec<[f64; 2]>>,
-    #[serde(default)]
     pub(super) intersections: Vec<Vec<[f64; 2]>>,
-    #[serde(default)]
     pub(super) drivable_area: Option<Vec<RawPolygon>>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawLane {
     pub(super) id: String,
     #[serde(default = "lane")]
     pub(super) kind: String,
     #[serde(default = "surface_street")]
     pub(super) class: String,
-    #[serde(default)]
     pub(super) speed_limit: Option<f64>,
-    #[serde(default)]
     pub(super) points: Option<Vec<[f64; 2]>>,
-    #[serde(default)]
     pub(super) path: Option<RawPath>,
-    #[serde(default)]
     pub(super) half_width: Option<f64>,
-    #[serde(default)]
     pub(super) polygon: Option<Vec<[f64; 2]>>,
     #[serde(default)]
     pub(super) successors: Vec<String>,
-    #[serde(default)]
     pub(super) predecessors: Option<Vec<String>>,
     #[serde(default)]
     pub(super) left: Vec<RawNeighbor>,
@@ -184,8 +151,7 @@ fn surface_street() -> String {
 
 /// Line from a point through straight pieces and arcs.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawPath {
     pub(super) at: [f64; 2],
     #[serde(default)]
@@ -194,8 +160,7 @@ pub(super) struct RawPath {
 }
 
 #[derive(Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawArc {
     pub(super) length: f64,
     #[serde(default)]
@@ -203,29 +168,21 @@ pub(super) struct RawArc {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawNeighbor {
     pub(super) lane: String,
-    #[serde(default)]
     pub(super) self_start: Option<u32>,
-    #[serde(default)]
     pub(super) self_end: Option<u32>,
-    #[serde(default)]
     pub(super) other_start: Option<u32>,
-    #[serde(default)]
     pub(super) other_end: Option<u32>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawEdge {
     #[serde(default = "boundary")]
     pub(super) kind: String,
-    #[serde(default)]
     pub(super) points: Option<Vec<[f64; 2]>>,
-    #[serde(default)]
     pub(super) path: Option<RawPath>,
 }
 
@@ -234,20 +191,16 @@ fn boundary() -> String {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawLine {
     #[serde(default)]
     pub(super) paint: u8,
-    #[serde(default)]
     pub(super) points: Option<Vec<[f64; 2]>>,
-    #[serde(default)]
     pub(super) path: Option<RawPath>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawStopLine {
     pub(super) kind: String,
     pub(super) lane: String,
@@ -255,8 +208,7 @@ pub(super) struct RawStopLine {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawPolygon {
     pub(super) exterior: Vec<[f64; 2]>,
     #[serde(default)]
@@ -264,34 +216,25 @@ pub(super) struct RawPolygon {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawLight {
     pub(super) lane: String,
     pub(super) stop_point: [f64; 2],
-    #[serde(default)]
     pub(super) states: Option<Vec<Option<String>>>,
-    #[serde(default)]
     pub(super) phases: Option<Vec<RawPhase>>,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawPhase {
-    #[serde(default)]
     pub(super) state: Option<String>,
     pub(super) seconds: f64,
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 pub(super) struct RawDeviation {
-    #[serde(default)]
     pub(super) category: Option<String>,
-    #[serde(default)]
     pub(super) track: Option<RawTrack>,
-    #[serde(default)]
     pub(super) pieces: Option<Vec<RawPiece>>,
 }

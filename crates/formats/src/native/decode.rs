@@ -12,7 +12,7 @@ use reactsim_scene::{
     ScenarioParts, StopKind, StopLine, Surface,
 };
 
-use super::encode::{COLUMNS, HEIGHT_COLUMNS, HISTORY_COLUMN, LEFT, RIGHT};
+use super::encode::{AGENT_STATE, COLUMNS, DEVIATION_STATE, HEIGHT_COLUMNS, HISTORY_COLUMN, LEFT, RIGHT};
 use super::wrong;
 use crate::certificates;
 use crate::crop::{count_unrecorded, cut};
@@ -213,11 +213,10 @@ impl Rows {
         let sizes = ["agent_length", "agent_width"];
         let [lengths, widths] = sizes.map(|c| (self.view(c), self.cells(c, row, ids.len())));
         let (length_cells, width_cells) = (lengths.1?, widths.1?);
-        let fields = ["agent_x", "agent_y", "agent_heading", "agent_vx", "agent_vy"];
-        for field in fields {
+        for field in AGENT_STATE {
             self.cells(field, row, ids.len())?;
         }
-        let views = fields.map(|c| self.view(c));
+        let views = AGENT_STATE.map(|c| self.view(c));
         let mut heights = self.heights("agent_z", row, View::number).into_iter();
         let mut agents = Vec::with_capacity(ids.len());
         for (i, (id, kind)) in ids.into_iter().zip(kinds).enumerate() {
@@ -371,13 +370,9 @@ impl Rows {
             self.cells(column, row, count)?;
         }
         let views = columns.map(|c| self.view(c));
-        let first = views.map(|v| v.range(0, row).start);
         let mut all = Vec::with_capacity(count);
         for i in 0..count {
-            let mut ranges = views.map(|v| v.range(1, 0));
-            for (range, (view, first)) in ranges.iter_mut().zip(views.iter().zip(first)) {
-                *range = view.range(1, first + i);
-            }
+            let ranges = views.map(|v| v.range(1, v.range(0, row).start + i));
             let [ids, a, b, c, d] = &ranges;
             if let Some(column) = (0..5).find(|k| ranges[*k].len() != ids.len()) {
                 let found = format!("{} entries", ranges[column].len());
@@ -458,17 +453,16 @@ impl Rows {
     }
 
     fn deviation(&self, row: usize) -> Result<Option<DeviationParts>, Cause> {
-        let fields = ["deviation_x", "deviation_y", "deviation_heading", "deviation_vx", "deviation_vy"];
-        let views = fields.map(|c| self.view(c));
+        let views = DEVIATION_STATE.map(|c| self.view(c));
         if views[0].range(0, row).is_empty() {
             return Ok(None);
         }
-        let category = match self.view("deviation_category").text(row) {
-            None => None,
-            Some(name) => Some(Deviation::from_name(name).ok_or_else(|| {
-                wrong("deviation_category", format!("`{name}`"), "longitudinal, lateral or directional")
-            })?),
+        let category = |name| {
+            let expected = "longitudinal, lateral or directional";
+            Deviation::from_name(name)
+                .ok_or_else(|| wrong("deviation_category", format!("`{name}`"), expected))
         };
+        let category = self.view("deviation_category").text(row).map(category).transpose()?;
         let track = track(views, views.map(|v| v.range(0, row)))?;
         Ok(Some(DeviationParts { category, track, certificate: self.certificates[row].clone() }))
     }

@@ -5,7 +5,7 @@ use reactsim_geometry::Vec2;
 use reactsim_scene::{Agent, Frame, Lane, LaneArea, LaneNeighbor, Scenario};
 
 use super::Optional;
-use crate::certificates;
+use crate::certificates::{self, STATE_VALUES};
 use crate::table::{Column, Leaf, TableWriter, Value};
 
 /// Name, cell type, nesting depth of lists and nullability of each column, in file order.
@@ -162,15 +162,17 @@ fn agents(t: &mut TableWriter, scenario: &Scenario) {
             slots.clone().map(|i| (start.history[i].as_slice(), scenario.log_future.tracks[i].as_slice()));
         chosen.chain(scenario.unselected.iter().map(move |a| (a.track.as_slice(), none)))
     };
-    let mut each = |column: &str, value: fn(&Frame) -> Option<f64>| {
-        t.column(column).lists(tracks().map(|(a, b)| a.iter().chain(b).map(value).map(Value::from)));
-    };
-    each("agent_x", |f| f.map(|s| s.x));
-    each("agent_y", |f| f.map(|s| s.y));
-    each("agent_heading", |f| f.map(|s| s.heading));
-    each("agent_vx", |f| f.map(|s| s.vx).filter(|v| !v.is_nan()));
-    each("agent_vy", |f| f.map(|s| s.vy).filter(|v| !v.is_nan()));
+    for (column, value) in AGENT_STATE.into_iter().zip(STATE_VALUES) {
+        let known = |f: &Frame| Value::from(f.as_ref().map(value).filter(|v| !v.is_nan()));
+        t.column(column).lists(tracks().map(|(a, b)| a.iter().chain(b).map(known)));
+    }
 }
+
+/// Columns of the states of agents.
+pub(super) const AGENT_STATE: [&str; 5] = ["agent_x", "agent_y", "agent_heading", "agent_vx", "agent_vy"];
+/// Columns of the states of a deviated AV.
+pub(super) const DEVIATION_STATE: [&str; 5] =
+    ["deviation_x", "deviation_y", "deviation_heading", "deviation_vx", "deviation_vy"];
 
 fn lanes(t: &mut TableWriter, scenario: &Scenario) {
     let lanes = &scenario.start.map.lanes;
@@ -281,10 +283,8 @@ fn deviation(t: &mut TableWriter, scenario: &Scenario) {
     let deviation = scenario.deviation.as_ref();
     let category = deviation.and_then(|d| d.category).map(|c| c.name());
     t.column("deviation_category").push(Value::from(category));
-    let states = || deviation.iter().flat_map(|d| d.track.iter());
-    t.column("deviation_x").list(states().map(|s| Value::Number(s.x)));
-    t.column("deviation_y").list(states().map(|s| Value::Number(s.y)));
-    t.column("deviation_heading").list(states().map(|s| Value::Number(s.heading)));
-    t.column("deviation_vx").list(states().map(|s| Value::from(Some(s.vx).filter(|v| !v.is_nan()))));
-    t.column("deviation_vy").list(states().map(|s| Value::from(Some(s.vy).filter(|v| !v.is_nan()))));
+    for (column, value) in DEVIATION_STATE.into_iter().zip(STATE_VALUES) {
+        let states = deviation.iter().flat_map(|d| &d.track).map(value);
+        t.column(column).list(states.map(|v| Value::from(Some(v).filter(|v| !v.is_nan()))));
+    }
 }

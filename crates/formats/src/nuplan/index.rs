@@ -42,12 +42,9 @@ impl LogIndex {
         let (mut names, mut goals) = (BTreeMap::new(), BTreeMap::new());
         database.each("scene", &["token", "name", "goal_ego_pose_token"], |row| {
             names.insert(row.must_token(0)?, row.text(1)?);
-            goals.extend(
-                row.token(2)?
-                    .filter(|_| with_goals)
-                    .map(|goal| Ok::<_, Cause>((row.must_token(0)?, goal)))
-                    .transpose()?,
-            );
+            if let Some(goal) = row.token(2)?.filter(|_| with_goals) {
+                goals.insert(row.must_token(0)?, goal);
+            }
             Ok(())
         })?;
         if !goals.is_empty() {

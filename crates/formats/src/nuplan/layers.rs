@@ -153,7 +153,7 @@ impl<'a> Reader<'a> {
                 speed_limit: row.number(5)?,
                 outline: largest(polygons(geometry, row)?),
                 sides: [row.whole(7)?, row.whole(8)?],
-                ..MapLane::empty()
+                ..MapLane::default()
             };
             insert(map, row.whole(2)?.unwrap_or(fid), lane, row)
         })
@@ -176,7 +176,7 @@ impl<'a> Reader<'a> {
                 incoming: row.whole(2)?.into_iter().collect(),
                 outgoing: row.whole(3)?.into_iter().collect(),
                 stop_fids: fids(row, 5)?,
-                ..MapLane::empty()
+                ..MapLane::default()
             };
             insert(map, fid, lane, row)
         })?;
@@ -218,26 +218,6 @@ impl<'a> Reader<'a> {
             map.stops.insert(fid, Stop { kind: row.whole(2)?, polygons: polygons(geometry, row)?, lanes });
             Ok(())
         })
-    }
-}
-
-impl MapLane {
-    fn empty() -> Self {
-        Self {
-            is_connector: false,
-            roadblock: None,
-            index: None,
-            lane_type: None,
-            speed_limit: f64::NAN,
-            baseline: Vec::new(),
-            outline: Polygon { exterior: Vec::new(), holes: Vec::new() },
-            sides: [None; 2],
-            incoming: Vec::new(),
-            outgoing: Vec::new(),
-            neighbors: [None; 2],
-            stop_fids: Vec::new(),
-            bounds: Bounds::EMPTY,
-        }
     }
 }
 
@@ -308,6 +288,5 @@ fn largest(polygons: Vec<Polygon>) -> Polygon {
         let origin = p.exterior[0];
         p.exterior.windows(2).map(|w| (w[0] - origin).perp(&(w[1] - origin))).sum::<f64>().abs()
     };
-    let empty = Polygon { exterior: Vec::new(), holes: Vec::new() };
-    polygons.into_iter().max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or(empty)
+    polygons.into_iter().max_by(|a, b| area(a).total_cmp(&area(b))).unwrap_or_default()
 }

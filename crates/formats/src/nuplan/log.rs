@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use reactsim_geometry::math;
-use reactsim_scene::{AgentKind, LightState};
+use reactsim_scene::{AgentKind, LightState, named_enum};
 
 use super::library;
 use super::sqlite::{Cells, Database};
@@ -31,7 +31,8 @@ pub(super) struct Log {
     pub(super) lights: BTreeMap<usize, BTreeMap<i64, LightState>>,
     /// Tags by frame: type, and the agent concerned.
     pub(super) tags: BTreeMap<usize, Vec<(String, Option<Token>)>>,
-    pub(super) scenes: BTreeMap<Token, Scene>,
+    /// Names of the scenes, by which they are sorted.
+    pub(super) scenes: BTreeMap<Token, String>,
 }
 
 /// A row of `lidar_pc` with the ego's pose.
@@ -76,29 +77,22 @@ pub(super) struct BoxRow {
 /// Names of the values of a box.
 pub(super) const BOX_VALUES: [&str; 7] = ["x", "y", "yaw", "length", "width", "vx", "vy"];
 
-/// Object category of nuPlan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Category {
-    Vehicle,
-    Bicycle,
-    Pedestrian,
-    TrafficCone,
-    Barrier,
-    CzoneSign,
-    GenericObject,
+named_enum! {
+    name, from_name;
+    /// Object category of nuPlan.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Category {
+        Vehicle = "vehicle",
+        Bicycle = "bicycle",
+        Pedestrian = "pedestrian",
+        TrafficCone = "traffic_cone",
+        Barrier = "barrier",
+        CzoneSign = "czone_sign",
+        GenericObject = "generic_object",
+    }
 }
 
 impl Category {
-    const NAMES: [(&'static str, Self); 7] = [
-        ("vehicle", Self::Vehicle),
-        ("bicycle", Self::Bicycle),
-        ("pedestrian", Self::Pedestrian),
-        ("traffic_cone", Self::TrafficCone),
-        ("barrier", Self::Barrier),
-        ("czone_sign", Self::CzoneSign),
-        ("generic_object", Self::GenericObject),
-    ];
-
     /// Returns the agent kind of the category (ReactSim-Bench, "Scenario Data").
     pub(super) fn kind(self) -> AgentKind {
         match self {
@@ -108,17 +102,6 @@ impl Category {
             Self::TrafficCone | Self::Barrier | Self::CzoneSign | Self::GenericObject => AgentKind::Other,
         }
     }
-}
-
-/// A row of `scene`. Scenarios have no field for routes: simulators get the AV's route by other means.
-#[cfg_attr(not(test), expect(dead_code, reason = "route and goal are read and checked for future use"))]
-#[derive(Debug)]
-pub(super) struct Scene {
-    /// Its name, by which scenes are sorted.
-    pub(super) name: String,
-    /// Route of the ego: fids of lane groups and lane group connectors.
-    pub(super) route: Vec<String>,
-    pub(super) goal: Option<Ego>,
 }
 
 impl Log {
@@ -132,12 +115,15 @@ impl Log {
 
     fn fill(&mut self, database: &Database) -> Result<(), Cause> {
         self.map_name = library::name_in(database)?;
-        let poses = self.sweeps(database)?;
+        self.sweeps(database)?;
         let of_token: BTreeMap<Token, usize> =
             self.frames.iter().enumerate().map(|(i, f)| (f.token, i)).collect();
         // Boxes, lights and tags of sweeps that are not part of the clock are ignored.
         let frame = |row: &Cells<'_>| Ok(of_token.get(&row.must_token(1)?).copied());
-        self.scenes(database, &poses)?;
+        database.each("scene", &["token", "name"], |row| {
+            self.scenes.insert(row.must_token(0)?, row.text(1)?);
+            Ok(())
+        })?;
         self.objects(database, &frame)?;
         self.lights(database, &frame)?;
         database.each("scenario_tag", &["token", "lidar_pc_token", "type", "agent_track_token"], |row| {
@@ -150,8 +136,8 @@ impl Log {
         Ok(())
     }
 
-    /// Reads the rows of the clock with their poses; returns all poses.
-    pub(super) fn sweeps(&mut self, database: &Database) -> Result<BTreeMap<Token, Ego>, Cause> {
+    /// Reads the rows of the clock with their poses.
+    pub(super) fn sweeps(&mut self, database: &Database) -> Result<(), Cause> {
         let clocks = clock_lidars(database)?;
         let mut poses = BTreeMap::new();
         let columns = ["token", "x", "y", "qw", "qx", "qy", "qz", "vx", "vy", "epsg"];
@@ -182,25 +168,7 @@ impl Log {
             Ok(())
         })?;
         self.frames.sort_by_key(|f| (f.timestamp, f.token));
-        Ok(poses)
-    }
-
-    fn scenes(&mut self, database: &Database, poses: &BTreeMap<Token, Ego>) -> Result<(), Cause> {
-        let columns = ["token", "name", "roadblock_ids", "goal_ego_pose_token"];
-        database.each("scene", &columns, |row| {
-            // The devkit splits at spaces; its documentation mentions commas.
-            let route = row.text(2)?;
-            let route = route.split([' ', ',']).filter(|id| !id.is_empty()).map(str::to_owned).collect();
-            let goal = match row.token(3)? {
-                None => None,
-                Some(token) => {
-                    let pose = poses.get(&token).copied();
-                    Some(pose.ok_or_else(|| row.wrong(3, "the token of a row of `ego_pose`"))?)
-                }
-            };
-            self.scenes.insert(row.must_token(0)?, Scene { name: row.text(1)?, route, goal });
-            Ok(())
-        })
+        Ok(())
     }
 
     fn objects(
@@ -211,17 +179,16 @@ impl Log {
         let mut categories = BTreeMap::new();
         database.each("category", &["token", "name"], |row| {
             let name = row.text(1)?;
-            let known = Category::NAMES.iter().find(|(n, _)| *n == name).map(|(_, c)| *c);
             // Unknown categories that no track uses are allowed.
-            categories.insert(row.must_token(0)?, known.ok_or(name));
+            categories.insert(row.must_token(0)?, Category::from_name(&name).ok_or(name));
             Ok(())
         })?;
         database.each("track", &["token", "category_token"], |row| {
             let category = categories.get(&row.must_token(1)?);
             let category = category.ok_or_else(|| row.wrong(1, "the token of a row of `category`"))?;
             let category = category.as_ref().map_err(|name| {
-                let known: Vec<&str> = Category::NAMES.iter().map(|(n, _)| *n).collect();
-                Cause::value("`category.name`", format!("`{name}`"), format!("one of {}", known.join(", ")))
+                let known = Category::ALL.map(Category::name).join(", ");
+                Cause::value("`category.name`", format!("`{name}`"), format!("one of {known}"))
             })?;
             self.tracks.insert(row.must_token(0)?, *category);
             Ok(())
@@ -274,7 +241,7 @@ impl Log {
     /// Returns the frames that the devkit offers as scenario starts: those of scenes with two scenes before
     /// and two after.
     pub(super) fn starts(&self) -> Vec<usize> {
-        let inner = inner_scenes(self.scenes.iter().map(|(token, scene)| (scene.name.as_str(), *token)));
+        let inner = inner_scenes(self.scenes.iter().map(|(token, name)| (name.as_str(), *token)));
         let frames = self.frames.iter().enumerate();
         frames.filter(|(_, f)| inner.contains(&f.scene)).map(|(i, _)| i).collect()
     }

@@ -22,7 +22,7 @@ pub(super) struct Map {
 }
 
 /// A lane or a lane connector.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct MapLane {
     pub(super) is_connector: bool,
     /// Group of parallel lanes (roadblock or roadblock connector).
@@ -75,7 +75,6 @@ pub(super) struct Stop {
 #[derive(Clone, Debug)]
 pub(super) struct Area {
     /// Fid in its layer.
-    #[cfg_attr(not(test), allow(dead_code, reason = "identifies areas in tests"))]
     pub(super) fid: i64,
     pub(super) polygons: Vec<Polygon>,
     pub(super) bounds: Bounds,

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use reactsim_geometry::{Bounds, Vec2, direction, left};
 use reactsim_scene::{
     Agent, AgentKind, AgentState, Crosswalk, Frame, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind,
-    LaneParts, LightParts, LoggedAgent, MapParts, NeighborParts, RoadLine, ScenarioParts, StopKind,
-    StopLineParts,
+    LaneParts, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadLine, ScenarioParts,
+    StopKind, StopLineParts,
 };
 
 use super::log::{BOX_VALUES, Ego, Log};
@@ -28,6 +28,9 @@ pub(super) const AXLE_TO_CENTER: f64 = 1.461;
 const TRACK_MARGIN: f64 = 50.0;
 /// Maximum extent of the map in metres around the AV's track.
 const AV_MARGIN: f64 = 400.0;
+
+/// States of the light of each lane connector with a light.
+type LightStates = BTreeMap<i64, Vec<Option<LightState>>>;
 
 /// Converts the window of a log with the current frame at row `anchor` to scenario parts.
 pub(super) fn parts(
@@ -142,11 +145,8 @@ fn objects(log: &Log, rows: &[usize], current: usize) -> Result<Vec<LoggedAgent>
     Ok(seen.into_iter().map(agent).collect())
 }
 
-/// Returns the light states of each lane connector with a light.
-fn observed(
-    log: &Log,
-    rows: &[usize],
-) -> Result<BTreeMap<i64, Vec<Option<reactsim_scene::LightState>>>, Cause> {
+/// Returns the observed lights.
+fn observed(log: &Log, rows: &[usize]) -> Result<LightStates, Cause> {
     let mut states = BTreeMap::new();
     for (k, row) in rows.iter().enumerate() {
         for (&connector, &state) in log.lights.get(row).into_iter().flatten() {
@@ -172,12 +172,7 @@ fn map_bounds(agents: &[LoggedAgent]) -> Bounds {
 }
 
 /// Returns the part of a map that touches `clip`; areas are taken as a whole.
-fn clipped(
-    map: &Map,
-    clip: &Bounds,
-    taken: &BTreeSet<i64>,
-    lights: &BTreeMap<i64, Vec<Option<reactsim_scene::LightState>>>,
-) -> MapParts {
+fn clipped(map: &Map, clip: &Bounds, taken: &BTreeSet<i64>, lights: &LightStates) -> MapParts {
     let near = |areas: &'_ [super::map::Area]| -> Vec<reactsim_geometry::Polygon> {
         areas.iter().filter(|a| a.bounds.intersects(clip)).flat_map(|a| a.polygons.iter().cloned()).collect()
     };
@@ -215,18 +210,11 @@ fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> Lan
         let kept = fids.iter().filter(|fid| taken.contains(fid) || !map.lanes.contains_key(fid));
         kept.map(i64::to_string).collect()
     };
-    let last = |points: &[Vec2]| u32::try_from(points.len().saturating_sub(1)).unwrap_or(u32::MAX);
-    let neighbors = |other: Option<i64>| -> Vec<NeighborParts> {
-        let other = other.filter(|fid| taken.contains(fid)).and_then(|fid| Some((fid, map.lanes.get(&fid)?)));
-        let whole = |(fid, other): (i64, &MapLane)| NeighborParts {
-            lane: fid.to_string(),
-            self_start: 0,
-            self_end: last(&lane.baseline),
-            other_start: 0,
-            other_end: last(&other.baseline),
-        };
-        other.map(whole).into_iter().collect()
+    let neighbor = |fid: i64| {
+        let other = map.lanes.get(&fid).filter(|_| taken.contains(&fid))?;
+        Some(NeighborParts::whole(fid.to_string(), lane.baseline.len(), other.baseline.len()))
     };
+    let [left, right] = lane.neighbors.map(|other| other.and_then(neighbor).into_iter().collect());
     LaneParts {
         id: fid.to_string(),
         kind: if lane.is_connector { LaneKind::Connector } else { LaneKind::Lane },
@@ -240,18 +228,14 @@ fn lane_parts(map: &Map, fid: i64, lane: &MapLane, taken: &BTreeSet<i64>) -> Lan
         },
         successors: names(&lane.outgoing),
         predecessors: names(&lane.incoming),
-        left: neighbors(lane.neighbors[0]),
-        right: neighbors(lane.neighbors[1]),
+        left,
+        right,
     }
 }
 
 /// Returns the stop lines: for lights at the start of each connector with lights in the map or the log, and
 /// for stop signs and yield signs of the map.
-fn stop_lines(
-    map: &Map,
-    lanes: &[(i64, &MapLane)],
-    lights: &BTreeMap<i64, Vec<Option<reactsim_scene::LightState>>>,
-) -> Vec<StopLineParts> {
+fn stop_lines(map: &Map, lanes: &[(i64, &MapLane)], lights: &LightStates) -> Vec<StopLineParts> {
     let mut lines = Vec::new();
     for (fid, lane) in lanes {
         let lit = lane.is_connector && !map.stop_lines(lane).is_empty() || lights.contains_key(fid);

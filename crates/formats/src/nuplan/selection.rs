@@ -11,7 +11,7 @@ use super::log::Log;
 use super::token::Token;
 use super::window;
 use crate::error::{Cause, FormatError};
-use crate::format::{head, named, read_whole};
+use crate::format::{json_head, named, read_whole};
 use crate::frames::{FutureChoice, LengthChoice, seconds};
 
 /// Required value of `format`.
@@ -24,8 +24,7 @@ const DEFAULT_INTERVAL: f64 = 10.0;
 const MAX_SELECTION_SIZE: u64 = 32 << 20;
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[serde(expecting = "an object")]
+#[serde(deny_unknown_fields, expecting = "an object")]
 struct RawSelection {
     format: String,
     logs: Vec<PathBuf>,
@@ -112,10 +111,7 @@ pub(super) struct Selection {
 }
 
 pub(super) fn is_selection(path: &Path) -> bool {
-    head(path, 4096).is_ok_and(|head| {
-        head.trim_ascii_start().starts_with(b"{")
-            && head.windows(FORMAT_PREFIX.len()).any(|w| w == FORMAT_PREFIX.as_bytes())
-    })
+    json_head(path).is_some_and(|head| head.contains(FORMAT_PREFIX))
 }
 
 impl Selection {

@@ -44,7 +44,7 @@ const PAINT_TYPES: [&str; 8] = [
 pub(super) fn map(
     features: &View,
     dataset: Option<&str>,
-    repairs: &mut BTreeMap<&'static str, u32>,
+    repairs: &mut BTreeMap<String, u32>,
 ) -> Result<MapParts, Cause> {
     let mut map = MapParts::default();
     let mut lanes = LaneCollector {
@@ -102,7 +102,7 @@ pub(super) fn map(
                         map.stop_lines.push(StopLineParts { kind: StopKind::Sign, lane: lane.name()?, at });
                     }
                 }
-                _ => *repairs.entry("map features of other types").or_default() += 1,
+                _ => *repairs.entry("map features of other types".to_owned()).or_default() += 1,
             }
         }
     }
@@ -215,17 +215,8 @@ impl LaneCollector {
                 .filter_map(|other| Some((start_distance(lane, other)?, other)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((_, other)) = next {
-                nearest.push((
-                    *i,
-                    *left,
-                    NeighborParts {
-                        lane: other.id.clone(),
-                        self_start: 0,
-                        self_end: last(lane),
-                        other_start: 0,
-                        other_end: last(other),
-                    },
-                ));
+                let neighbor = NeighborParts::whole(&other.id, lane.points.len(), other.points.len());
+                nearest.push((*i, *left, neighbor));
             }
         }
         for (i, left, neighbor) in nearest {
@@ -237,10 +228,6 @@ impl LaneCollector {
         }
         Ok(self.all)
     }
-}
-
-fn last(lane: &LaneParts) -> u32 {
-    u32::try_from(lane.points.len().saturating_sub(1)).unwrap_or(u32::MAX)
 }
 
 /// Returns the distance in metres between the first points of two lanes; `None` for lanes of opposite

@@ -11,15 +11,6 @@ use crate::format::UNRECORDED_FRAMES;
 use crate::frames::LengthChoice;
 use crate::pickle::View;
 
-/// Scenario parts of a file, with the repairs made.
-pub(super) struct ConvertedScenario {
-    pub(super) parts: ScenarioParts,
-    /// Number of missing, omitted or changed elements by description.
-    pub(super) repairs: BTreeMap<&'static str, u32>,
-    /// Number of agents by the repair of their type.
-    pub(super) unknown_types: BTreeMap<String, u32>,
-}
-
 /// Reads the id of the scenario.
 pub(super) fn id(root: &View) -> Result<String, Cause> {
     let about = root.get("metadata")?;
@@ -35,13 +26,14 @@ pub(super) fn id(root: &View) -> Result<String, Cause> {
     Err(Cause::schema("`id`", "missing", "the name of the scenario"))
 }
 
-/// Converts a pickle to scenario parts; `current` overrides the current frame of the file.
+/// Converts a pickle to scenario parts; `current` overrides the current frame of the file. Also returns the
+/// repairs made, with their numbers.
 pub(super) fn parts(
     root: &View,
     id: String,
     current: Option<usize>,
     length: LengthChoice,
-) -> Result<ConvertedScenario, Cause> {
+) -> Result<(ScenarioParts, BTreeMap<String, u32>), Cause> {
     let about = root.need("metadata")?;
     let (window, mut repairs) = window(root, &about, current, length)?;
     let timestamps = timestamps(&about, window)?;
@@ -49,8 +41,7 @@ pub(super) fn parts(
     let dataset = dataset.as_ref().and_then(View::as_text);
     let stated = about.need("sdc_id")?;
     let av_id = stated.name()?;
-    let mut unknown_types = BTreeMap::new();
-    let mut agents = tracks::tracks(&root.need("tracks")?, &av_id, window, &mut unknown_types)?;
+    let mut agents = tracks::tracks(&root.need("tracks")?, &av_id, window, &mut repairs)?;
     let Some(av) = agents.iter().position(|a| a.agent.id == av_id) else {
         return Err(stated.wrong("the id of a track"));
     };
@@ -58,7 +49,7 @@ pub(super) fn parts(
     // Some versions of the nuScenes converter exchanged length and width of the AV.
     if dataset == Some("nuscenes") && sizes.width > sizes.length {
         std::mem::swap(&mut sizes.width, &mut sizes.length);
-        repairs.insert("length and width of the AV that were exchanged", 1);
+        repairs.insert("length and width of the AV that were exchanged".to_owned(), 1);
     }
     let mut map = map::map(&root.need("map_features")?, dataset, &mut repairs)?;
     let lights = match root.get("dynamic_map_states")? {
@@ -80,7 +71,7 @@ pub(super) fn parts(
         lights,
         deviation: None,
     };
-    Ok(ConvertedScenario { parts, repairs, unknown_types })
+    Ok((parts, repairs))
 }
 
 /// Reads the number of frames of the recording.
@@ -97,7 +88,7 @@ fn window(
     about: &View,
     current: Option<usize>,
     choice: LengthChoice,
-) -> Result<(Window, BTreeMap<&'static str, u32>), Cause> {
+) -> Result<(Window, BTreeMap<String, u32>), Cause> {
     let length = frames(root)?;
     let stored = about.get("current_time_index")?;
     let (before, mut later) = (choice.history() - 1, 0);
@@ -127,18 +118,13 @@ fn window(
         return Err(Cause::value(format!("the number of frames after frame {now}"), after, expected));
     }
     let window = Window { first, length, scenario };
-    let mut repairs = BTreeMap::new();
-    let recorded = window.recorded().len();
-    if missing > 0 {
-        repairs.insert(UNRECORDED_FRAMES, missing as u32);
-    }
-    if later > 0 {
-        repairs.insert(LATER_FRAME, later as u32);
-    }
-    if length > recorded {
-        repairs.insert("recorded frames before and after those that are read", (length - recorded) as u32);
-    }
-    Ok((window, repairs))
+    let unread = length - window.recorded().len();
+    let repairs = [
+        (UNRECORDED_FRAMES, missing),
+        (LATER_FRAME, later.max(0) as usize),
+        ("recorded frames before and after those that are read", unread),
+    ];
+    Ok((window, repairs.map(|(what, frames)| (what.to_owned(), frames as u32)).into()))
 }
 
 /// Returns the times of the frames; missing frames continue at the mean time step.

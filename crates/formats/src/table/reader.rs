@@ -38,7 +38,7 @@ pub struct TableReader {
     /// Index of the next row group.
     next: usize,
     /// Columns that are decoded; empty for all.
-    columns: &'static [&'static str],
+    columns: Vec<&'static str>,
     decoder: Option<Decoder>,
     /// Number of rows left in the current row group.
     rows: usize,
@@ -78,7 +78,17 @@ impl TableReader {
         let metadata =
             guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options)).map_err(refuse)?;
         let path = path.to_owned();
-        Ok(Self { path, file, metadata, footer, groups, next: 0, columns: &[], decoder: None, rows: 0 })
+        Ok(Self {
+            path,
+            file,
+            metadata,
+            footer,
+            groups,
+            next: 0,
+            columns: Vec::new(),
+            decoder: None,
+            rows: 0,
+        })
     }
 
     /// Returns a value of the file's metadata.
@@ -134,8 +144,8 @@ impl TableReader {
     }
 
     /// Restricts decoding to these columns; missing ones are ignored.
-    pub(crate) fn only(&mut self, columns: &'static [&'static str]) {
-        self.columns = columns;
+    pub(crate) fn only(&mut self, columns: impl IntoIterator<Item = &'static str>) {
+        self.columns = columns.into_iter().collect();
     }
 
     /// Returns the next rows; `None` at the end and after an error.
@@ -203,7 +213,7 @@ impl TableReader {
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
             let data = load(&mut *self.file, group)?;
             let decoded = self.footer.group(self.next)?;
-            self.decoder = Some(data.decode(&self.metadata, &decoded, self.columns)?);
+            self.decoder = Some(data.decode(&self.metadata, &decoded, &self.columns)?);
             self.rows = group.rows;
             self.next += 1;
         }

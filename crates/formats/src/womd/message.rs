@@ -2,6 +2,7 @@
 //! (heights); all others are passed over.
 
 use reactsim_geometry::Vec2;
+use reactsim_scene::AgentKind;
 
 use crate::error::Cause;
 use crate::wire::{Fields, Key, WireError};
@@ -162,6 +163,24 @@ impl Scenario {
         match read() {
             Ok(()) => Ok(id.to_owned()),
             Err(error) => Err(malformed(error, message.len() - fields.left())),
+        }
+    }
+
+    /// Returns the value of a field that is the index of a track.
+    pub(crate) fn track_index(&self, field: &str, value: i32) -> Result<usize, Cause> {
+        let count = self.tracks.len();
+        let index = usize::try_from(value).ok().filter(|&i| i < count);
+        index.ok_or_else(|| Cause::value(field, value, format!("the index of one of {count} tracks")))
+    }
+}
+
+impl Track {
+    pub(crate) fn kind(&self) -> AgentKind {
+        match self.object_type {
+            1 => AgentKind::Vehicle,
+            2 => AgentKind::Pedestrian,
+            3 => AgentKind::Cyclist,
+            _ => AgentKind::Other,
         }
     }
 }

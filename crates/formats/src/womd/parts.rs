@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use reactsim_geometry::Vec2;
 use reactsim_scene::{
-    Agent, AgentKind, AgentState, Crosswalk, DT, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts,
-    Length, LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine,
+    Agent, AgentState, Crosswalk, DT, LANE_HALF_WIDTH, LaneArea, LaneClass, LaneKind, LaneParts, Length,
+    LightParts, LightState, LoggedAgent, MapParts, NeighborParts, RoadEdge, RoadEdgeKind, RoadLine,
     ScenarioParts, StopKind, StopLineParts, Surface,
 };
 
@@ -23,16 +23,13 @@ pub(super) fn parts(mut proto: Scenario, length: Length) -> Result<(ScenarioPart
     let (frames, all) = (proto.timestamps_seconds.len(), length.frames());
     let last = proto.timestamps_seconds[frames - 1];
     proto.timestamps_seconds.extend((frames..all).map(|f| last + (f + 1 - frames) as f64 * DT));
-    let av = index("sdc_track_index", proto.sdc_track_index, &proto.tracks)?;
+    let av = proto.track_index("sdc_track_index", proto.sdc_track_index)?;
     let mut tracks_to_predict = Vec::with_capacity(proto.tracks_to_predict.len());
     for (i, &track) in proto.tracks_to_predict.iter().enumerate() {
-        let track = index(&format!("tracks_to_predict[{i}].track_index"), track, &proto.tracks)?;
+        let track = proto.track_index(&format!("tracks_to_predict[{i}].track_index"), track)?;
         tracks_to_predict.push(proto.tracks[track].id.to_string());
     }
-    let mut agents = Vec::with_capacity(proto.tracks.len());
-    for track in &proto.tracks {
-        agents.push(agent(track, length));
-    }
+    let agents = proto.tracks.iter().map(|track| agent(track, length)).collect();
     let mut map = map(proto.map_features);
     let lights = lights(&proto.dynamic_map_states, &map, all)?;
     map.stop_lines.extend(lights.iter().map(LightParts::stop_line));
@@ -53,13 +50,6 @@ pub(super) fn parts(mut proto: Scenario, length: Length) -> Result<(ScenarioPart
     Ok((parts, (all - frames) as u32))
 }
 
-fn index(field: &str, value: i32, tracks: &[Track]) -> Result<usize, Cause> {
-    usize::try_from(value)
-        .ok()
-        .filter(|&i| i < tracks.len())
-        .ok_or_else(|| Cause::value(field, value, format!("the index of one of {} tracks", tracks.len())))
-}
-
 /// Converts a track. Frames that are not recorded are absent.
 fn agent(track: &Track, length: Length) -> LoggedAgent {
     let (current, frames) = (length.current(), length.frames());
@@ -71,12 +61,6 @@ fn agent(track: &Track, length: Length) -> LoggedAgent {
         track.states.iter().find(|s| s.valid)
     };
     let (length, width) = sized.map_or((0.0, 0.0), |s| (f64::from(s.length), f64::from(s.width)));
-    let kind = match track.object_type {
-        1 => AgentKind::Vehicle,
-        2 => AgentKind::Pedestrian,
-        3 => AgentKind::Cyclist,
-        _ => AgentKind::Other,
-    };
     let frame = |s: &super::message::ObjectState| {
         // Data of invalid states have no meaning.
         s.valid.then(|| AgentState {
@@ -91,7 +75,8 @@ fn agent(track: &Track, length: Length) -> LoggedAgent {
     states.resize(frames, None);
     let bottom = |s: &super::message::ObjectState| s.valid.then(|| s.center_z - 0.5 * f64::from(s.height));
     let heights = track.states.iter().map(bottom).chain(std::iter::repeat(None)).take(frames).collect();
-    LoggedAgent { agent: Agent { id: track.id.to_string(), kind, length, width }, track: states, heights }
+    let agent = Agent { id: track.id.to_string(), kind: track.kind(), length, width };
+    LoggedAgent { agent, track: states, heights }
 }
 
 fn point(p: &MapPoint) -> Vec2 {

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use reactsim_scene::{
-    AgentKind, CURRENT, FRAMES,
+    CURRENT, FRAMES,
     wosac::{LaneSignal, SurfaceLane, WosacLog, WosacTrack},
 };
 
@@ -47,9 +47,7 @@ impl WosacLogs {
         };
         Ok(Self { path: path.to_owned(), content, next: 0 })
     }
-}
 
-impl WosacLogs {
     /// Passes over this many records without decoding them.
     pub fn pass_over(&mut self, records: u64) {
         for _ in 0..records {
@@ -140,17 +138,11 @@ fn log(proto: Scenario) -> Result<WosacLog, Cause> {
     if proto.current_time_index != CURRENT as i32 {
         return Err(Cause::value("current_time_index", proto.current_time_index, "10"));
     }
-    let index = |field: &str, value: i32| {
-        let count = proto.tracks.len();
-        let expected = format!("the index of one of {count} tracks");
-        let index = usize::try_from(value).ok().filter(|&i| i < count);
-        index.ok_or_else(|| Cause::value(field, value, expected))
-    };
-    let av = index("sdc_track_index", proto.sdc_track_index)?;
+    let av = proto.track_index("sdc_track_index", proto.sdc_track_index)?;
     let tracks_to_predict = proto
         .tracks_to_predict
         .iter()
-        .map(|&track| index("tracks_to_predict.track_index", track))
+        .map(|&track| proto.track_index("tracks_to_predict.track_index", track))
         .collect::<Result<_, _>>()?;
     let (mut road_edges, mut surface_lanes) = (Vec::new(), Vec::new());
     for map_feature in proto.map_features {
@@ -194,12 +186,7 @@ fn track(track: &Track) -> WosacTrack {
     let size = track.states.get(CURRENT).map_or([0.0; 3], |s| [s.length, s.width, s.height]);
     WosacTrack {
         id: track.id,
-        kind: match track.object_type {
-            1 => AgentKind::Vehicle,
-            2 => AgentKind::Pedestrian,
-            3 => AgentKind::Cyclist,
-            _ => AgentKind::Other,
-        },
+        kind: track.kind(),
         length: size[0],
         width: size[1],
         height: size[2],

@@ -72,9 +72,7 @@ impl SubmissionMetadata {
             }
         }
     }
-}
 
-impl SubmissionMetadata {
     /// Returns the metadata of a method, with everything else that the server requires set to `false` or, for
     /// the acknowledgement, `true`.
     pub fn new(account: &str, method: &str, parameters: &str) -> Self {
@@ -95,31 +93,22 @@ impl SubmissionMetadata {
     pub(super) fn decode(message: &[u8]) -> Result<Self, WireError> {
         let (mut metadata, mut fields) = (Self::default(), Fields::new(message));
         while let Some(key) = fields.key()? {
-            let text = match key.tag() {
-                3 => &mut metadata.account_name,
-                4 => &mut metadata.unique_method_name,
-                6 => &mut metadata.affiliation,
-                7 => &mut metadata.description,
-                8 => &mut metadata.method_link,
-                12 => &mut metadata.num_model_parameters,
-                tag => {
-                    match tag {
-                        2 => metadata.submission_type = Some(fields.int32(key)?),
-                        5 => metadata.authors.push(fields.text(key)?.to_owned()),
-                        9 => metadata.uses_lidar_data = Some(fields.flag(key)?),
-                        10 => metadata.uses_camera_data = Some(fields.flag(key)?),
-                        11 => metadata.uses_public_model_pretraining = Some(fields.flag(key)?),
-                        13 => metadata.public_model_names.push(fields.text(key)?.to_owned()),
-                        14 => {
-                            let complies = &mut metadata.acknowledge_complies_with_closed_loop_requirement;
-                            *complies = Some(fields.flag(key)?);
-                        }
-                        _ => drop(fields.skip(key)?),
-                    }
-                    continue;
-                }
-            };
-            *text = Some(fields.text(key)?.to_owned());
+            match key.tag() {
+                2 => metadata.submission_type = Some(fields.int32(key)?),
+                3 => metadata.account_name = Some(fields.text(key)?.to_owned()),
+                4 => metadata.unique_method_name = Some(fields.text(key)?.to_owned()),
+                5 => metadata.authors.push(fields.text(key)?.to_owned()),
+                6 => metadata.affiliation = Some(fields.text(key)?.to_owned()),
+                7 => metadata.description = Some(fields.text(key)?.to_owned()),
+                8 => metadata.method_link = Some(fields.text(key)?.to_owned()),
+                9 => metadata.uses_lidar_data = Some(fields.flag(key)?),
+                10 => metadata.uses_camera_data = Some(fields.flag(key)?),
+                11 => metadata.uses_public_model_pretraining = Some(fields.flag(key)?),
+                12 => metadata.num_model_parameters = Some(fields.text(key)?.to_owned()),
+                13 => metadata.public_model_names.push(fields.text(key)?.to_owned()),
+                14 => metadata.acknowledge_complies_with_closed_loop_requirement = Some(fields.flag(key)?),
+                _ => drop(fields.skip(key)?),
+            }
         }
         Ok(metadata)
     }

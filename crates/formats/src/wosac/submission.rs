@@ -137,10 +137,6 @@ impl SubmissionReader {
         Ok(true)
     }
 
-    fn of_one_scenario(&self, rollouts: ScenarioRollouts) -> SubmittedRollouts {
-        SubmittedRollouts { file: self.path.clone(), record: 0, rollouts }
-    }
-
     fn end(&mut self) -> Result<bool, FormatError> {
         let is_archive = matches!(self.files, Files::Archive(_));
         self.files = Files::Ended;
@@ -203,8 +199,12 @@ impl Iterator for SubmissionReader {
         loop {
             if matches!(self.files, Files::OneScenario) {
                 self.files = Files::Ended;
-                let rollouts = read_rollouts(&self.path);
-                return Some(rollouts.map(|rollouts| self.of_one_scenario(rollouts)));
+                let file = self.path.clone();
+                return Some(read_rollouts(&file).map(|rollouts| SubmittedRollouts {
+                    file,
+                    record: 0,
+                    rollouts,
+                }));
             }
             if let Some(rollouts) = self.next_rollouts() {
                 return Some(rollouts);

@@ -26,7 +26,8 @@ pub(crate) struct LanePosition {
 
 /// Assigns lanes to poses; reuses its buffers for all vehicles.
 pub(crate) struct Tracker<'c> {
-    road: Road<'c>,
+    /// The road on the level on which lanes are looked up.
+    pub(super) road: Road<'c>,
     /// Whether to ignore bike lanes: in maps without drivable polygons they overlap adjacent lanes.
     skip_bikes: bool,
     hits: Vec<LaneHit>,
@@ -51,11 +52,6 @@ impl<'c> Tracker<'c> {
             members: Vec::new(),
             lists: Vec::new(),
         }
-    }
-
-    /// Chooses the level of the road on which lanes are looked up.
-    pub(super) fn set_level(&mut self, road: Road<'c>) {
-        self.road = road;
     }
 
     fn look_up(&mut self, p: Vec2) {

@@ -11,37 +11,24 @@ const DT_SQUARED: f32 = 0.01;
 const PI: f32 = std::f32::consts::PI;
 const TWO_PI: f32 = std::f32::consts::TAU;
 
-/// Kinematic features of one object at the steps 1 to 80. Speeds are NaN at step 80, accelerations at the
-/// steps 79 and 80.
-pub(super) struct Kinematics {
-    /// Speed in three dimensions, m/s.
-    pub(super) linear_speed: [f32; FUTURE],
-    /// Change of the speed, m/s².
-    pub(super) linear_acceleration: [f32; FUTURE],
-    /// Yaw rate, rad/s.
-    pub(super) angular_speed: [f32; FUTURE],
-    /// Change of the yaw rate, rad/s².
-    pub(super) angular_acceleration: [f32; FUTURE],
-}
-
-impl Kinematics {
-    /// Computes the features of an object. Values at invalid frames enter as stored.
-    pub(super) fn of(motion: &Motion, object: usize) -> Self {
-        let (track, future) = (motion.tracks[object], &motion.futures[object]);
-        let [dx, dy, dz] = [(&track.x, future.x), (&track.y, future.y), (&track.z, future.z)]
-            .map(|(history, future)| central_difference(&Motion::frames(history, future)));
-        let mut speed = [f32::NAN; FRAMES];
-        for (f, speed) in speed.iter_mut().enumerate() {
-            *speed = (dx[f] * dx[f] + dy[f] * dy[f] + dz[f] * dz[f]).sqrt() / DT;
-        }
-        let turn = central_turn(&Motion::frames(&track.heading, future.heading));
-        Self {
-            linear_speed: judged(&speed),
-            linear_acceleration: judged(&central_difference(&speed).map(|change| change / DT)),
-            angular_speed: judged(&turn.map(|turn| turn / DT)),
-            angular_acceleration: judged(&central_turn(&turn).map(|change| change / DT_SQUARED)),
-        }
+/// Computes speed in three dimensions (m/s), its change (m/s²), yaw rate (rad/s) and its change (rad/s²) of
+/// an object at the steps 1 to 80. Speeds are NaN at step 80, accelerations at the steps 79 and 80. Values at
+/// invalid frames enter as stored.
+pub(super) fn kinematics(motion: &Motion, object: usize) -> [[f32; FUTURE]; 4] {
+    let (track, future) = (motion.tracks[object], &motion.futures[object]);
+    let [dx, dy, dz] = [(&track.x, future.x), (&track.y, future.y), (&track.z, future.z)]
+        .map(|(history, future)| central_difference(&Motion::frames(history, future)));
+    let mut speed = [f32::NAN; FRAMES];
+    for (f, speed) in speed.iter_mut().enumerate() {
+        *speed = (dx[f] * dx[f] + dy[f] * dy[f] + dz[f] * dz[f]).sqrt() / DT;
     }
+    let turn = central_turn(&Motion::frames(&track.heading, future.heading));
+    [
+        judged(&speed),
+        judged(&central_difference(&speed).map(|change| change / DT)),
+        judged(&turn.map(|turn| turn / DT)),
+        judged(&central_turn(&turn).map(|change| change / DT_SQUARED)),
+    ]
 }
 
 /// Returns the values of the frames 11 to 90.

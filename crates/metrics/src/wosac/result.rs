@@ -37,27 +37,6 @@ pub struct RolloutShare {
     pub likelihoods: [Option<f64>; Feature::COUNT],
 }
 
-/// The metrics of the official message `SimAgentsBucketedMetrics`, which leaderboards show.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BucketMetrics {
-    /// Metametric.
-    pub realism_meta_metric: f64,
-    /// Weighted mean of the likelihoods of speeds and accelerations.
-    pub kinematic_metrics: f64,
-    /// Weighted mean of the likelihoods of distances to objects, collisions and time to collision.
-    pub interactive_metrics: f64,
-    /// Weighted mean of the likelihoods of road edges, leaving the road and traffic lights.
-    pub map_based_metrics: f64,
-    /// Smallest mean displacement of any rollout, metres.
-    pub min_ade: f64,
-    /// Share of simulated objects that collide.
-    pub simulated_collision_rate: f64,
-    /// Share of simulated objects that leave the road.
-    pub simulated_offroad_rate: f64,
-    /// Share of simulated objects that violate a traffic light.
-    pub simulated_traffic_light_violation_rate: Option<f64>,
-}
-
 impl WosacMetrics {
     /// Returns the likelihood of a feature.
     pub fn likelihood(&self, feature: Feature) -> Option<f64> {
@@ -93,8 +72,10 @@ impl WosacMetrics {
         fields
     }
 
-    /// Returns the aggregates of a leaderboard. `config` is the configuration of these metrics.
-    pub fn buckets(&self, config: &Config) -> BucketMetrics {
+    /// Returns the aggregates of a leaderboard with the field names of the official message
+    /// `SimAgentsBucketedMetrics`, in the order of its tags: among others the weighted means of the
+    /// likelihoods of each [`Bucket`]. `config` is the configuration of these metrics.
+    pub fn buckets(&self, config: &Config) -> [(&'static str, Option<f64>); 8] {
         let mean = |bucket: Bucket| {
             let (mut sum, mut weights) = (0.0, 0.0);
             for feature in Feature::ALL.into_iter().filter(|feature| feature.bucket() == bucket) {
@@ -106,28 +87,12 @@ impl WosacMetrics {
             }
             sum / weights
         };
-        BucketMetrics {
-            realism_meta_metric: self.metametric,
-            kinematic_metrics: mean(Bucket::Kinematic),
-            interactive_metrics: mean(Bucket::Interactive),
-            map_based_metrics: mean(Bucket::MapBased),
-            min_ade: self.min_average_displacement_error,
-            simulated_collision_rate: self.simulated_collision_rate,
-            simulated_offroad_rate: self.simulated_offroad_rate,
-            simulated_traffic_light_violation_rate: self.simulated_traffic_light_violation_rate,
-        }
-    }
-}
-
-impl BucketMetrics {
-    /// Returns all aggregates with the field names of the official message, in the order of its tags.
-    pub fn fields(&self) -> [(&'static str, Option<f64>); 8] {
         [
-            ("realism_meta_metric", Some(self.realism_meta_metric)),
-            ("kinematic_metrics", Some(self.kinematic_metrics)),
-            ("interactive_metrics", Some(self.interactive_metrics)),
-            ("map_based_metrics", Some(self.map_based_metrics)),
-            ("min_ade", Some(self.min_ade)),
+            ("realism_meta_metric", Some(self.metametric)),
+            ("kinematic_metrics", Some(mean(Bucket::Kinematic))),
+            ("interactive_metrics", Some(mean(Bucket::Interactive))),
+            ("map_based_metrics", Some(mean(Bucket::MapBased))),
+            ("min_ade", Some(self.min_average_displacement_error)),
             ("simulated_collision_rate", Some(self.simulated_collision_rate)),
             ("simulated_offroad_rate", Some(self.simulated_offroad_rate)),
             ("simulated_traffic_light_violation_rate", self.simulated_traffic_light_violation_rate),
@@ -214,7 +179,8 @@ mod tests {
         likelihoods[Feature::TrafficLightViolation as usize] = None;
         let metrics = WosacMetrics { likelihoods, ..WosacMetrics::default() };
         let buckets = metrics.buckets(&Config::CHALLENGE_2024);
-        assert!((buckets.map_based_metrics - 0.25 / 0.35).abs() < 1e-7);
-        assert_eq!(buckets.kinematic_metrics, 1.0);
+        let [_, (_, kinematic), _, (_, map_based), ..] = buckets;
+        assert!((map_based.unwrap() - 0.25 / 0.35).abs() < 1e-7);
+        assert_eq!(kinematic, Some(1.0));
     }
 }

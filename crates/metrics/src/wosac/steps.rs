@@ -5,7 +5,7 @@ use reactsim_scene::FUTURE;
 use super::edge_cells::EdgeCells;
 use super::feature::Feature;
 use super::footprint::RoundedBox;
-use super::kinematics::Kinematics;
+use super::kinematics::kinematics;
 use super::objects::Motion;
 use super::road_edges::RoadEdges;
 use super::traffic_lights::TrafficLights;
@@ -14,6 +14,7 @@ use super::{nearest_object, road_edges, time_to_collision};
 /// The features of an evaluated object at the steps 1 to 80 (entries 0 to 79), in the log or in a rollout.
 #[derive(Clone, Debug)]
 pub struct StepFeatures {
+    /// Speed, acceleration, yaw rate and yaw acceleration.
     kinematics: [[f32; FUTURE]; 4],
     distance_to_nearest_object: [f32; FUTURE],
     time_to_collision: [f32; FUTURE],
@@ -70,7 +71,7 @@ impl StepFeatures {
         object: usize,
         observer: &mut dyn FnMut(Stage),
     ) -> Self {
-        let kinematics = Kinematics::of(motion, object);
+        let kinematics = kinematics(motion, object);
         observer(Stage::Kinematics);
         let distance_to_nearest_object = nearest_object::distances(motion, &surroundings.boxes, object);
         observer(Stage::NearestObject);
@@ -81,12 +82,7 @@ impl StepFeatures {
         let traffic_light_violation = surroundings.lights.violations(motion, object);
         observer(Stage::TrafficLights);
         Self {
-            kinematics: [
-                kinematics.linear_speed,
-                kinematics.linear_acceleration,
-                kinematics.angular_speed,
-                kinematics.angular_acceleration,
-            ],
+            kinematics,
             distance_to_nearest_object,
             time_to_collision,
             distance_to_road_edge,

@@ -320,7 +320,7 @@ fn a_parked_object_has_the_likelihood_of_the_specification() {
             .with_rollouts(vec![vec![rollout]])
             .with_leaving(true);
         let likelihood = score_case(&case).likelihood.unwrap();
-        for ((name, value), expected) in likelihood.features().into_iter().zip(expected) {
+        for ((name, value), expected) in likelihood.features.into_iter().zip(expected) {
             assert!((value.unwrap() - expected).abs() < 1e-12, "{name}: {value:?}");
         }
     }

@@ -167,40 +167,29 @@ impl Builder {
         }
         let areas = map.drivable_area.as_deref().unwrap_or_default();
         let heights = &mut map.heights;
-        self.check_lines("lanes", &mut heights.lanes, map.lanes.iter().map(|l| l.points.len()))?;
-        self.check_lines(
-            "road_edges",
-            &mut heights.road_edges,
-            map.road_edges.iter().map(|e| e.points.len()),
-        )?;
-        self.check_lines(
-            "road_lines",
-            &mut heights.road_lines,
-            map.road_lines.iter().map(|l| l.points.len()),
-        )?;
-        self.check_lines(
-            "crosswalks",
-            &mut heights.crosswalks,
-            map.crosswalks.iter().map(|c| c.outline.len()),
-        )?;
-        let bumps = map.speed_bumps.iter().map(|s| s.outline.len());
-        self.check_lines("speed_bumps", &mut heights.speed_bumps, bumps)?;
-        self.check_lines("driveways", &mut heights.driveways, map.driveways.iter().map(|s| s.outline.len()))?;
-        self.check_lines("drivable_area", &mut heights.drivable_area, areas.iter().map(|a| a.exterior.len()))
+        self.check_lines("lanes", &mut heights.lanes, &map.lanes, |l| &l.points)?;
+        self.check_lines("road_edges", &mut heights.road_edges, &map.road_edges, |e| &e.points)?;
+        self.check_lines("road_lines", &mut heights.road_lines, &map.road_lines, |l| &l.points)?;
+        self.check_lines("crosswalks", &mut heights.crosswalks, &map.crosswalks, |c| &c.outline)?;
+        self.check_lines("speed_bumps", &mut heights.speed_bumps, &map.speed_bumps, |s| &s.outline)?;
+        self.check_lines("driveways", &mut heights.driveways, &map.driveways, |s| &s.outline)?;
+        self.check_lines("drivable_area", &mut heights.drivable_area, areas, |a| &a.exterior)
     }
 
-    fn check_lines(
+    fn check_lines<T>(
         &self,
         field: &str,
         heights: &mut [Vec<f64>],
-        points: impl ExactSizeIterator<Item = usize>,
+        items: &[T],
+        points: fn(&T) -> &[Vec2],
     ) -> Result<(), SceneError> {
         let field = || format!("map.heights.{field}");
-        if !heights.is_empty() && heights.len() != points.len() {
-            let expected = format!("{}, one per item", points.len());
+        if !heights.is_empty() && heights.len() != items.len() {
+            let expected = format!("{}, one per item", items.len());
             return Err(self.error(field(), format!("{} lists", heights.len()), &expected));
         }
-        for (i, (heights, points)) in heights.iter_mut().zip(points).enumerate() {
+        for (i, (heights, item)) in heights.iter_mut().zip(items).enumerate() {
+            let points = points(item).len();
             if !(heights.is_empty() || heights.len() == points) {
                 let expected = format!("{points}, one per point");
                 return Err(self.error(

@@ -387,26 +387,23 @@ impl Ground {
 impl RoadMap {
     /// Drops the heights of each kind of line whose heights are its directions; returns the number of lines.
     fn drop_directions(&mut self) -> u32 {
-        let none = Vec::new();
-        let areas = self.drivable_area.as_ref().unwrap_or(&none);
+        let areas = self.drivable_area.as_deref().unwrap_or_default();
         let heights = &mut self.heights;
-        let lanes = self.lanes.iter().map(|l| l.baseline.points());
-        let mut dropped = drop_directions_of(lanes, &mut heights.lanes);
-        dropped += drop_directions_of(self.road_edges.iter().map(|e| &e.points[..]), &mut heights.road_edges);
-        dropped += drop_directions_of(self.road_lines.iter().map(|l| &l.points[..]), &mut heights.road_lines);
-        dropped +=
-            drop_directions_of(self.crosswalks.iter().map(|c| &c.outline[..]), &mut heights.crosswalks);
-        dropped +=
-            drop_directions_of(self.speed_bumps.iter().map(|b| &b.outline[..]), &mut heights.speed_bumps);
-        dropped += drop_directions_of(self.driveways.iter().map(|d| &d.outline[..]), &mut heights.driveways);
-        dropped + drop_directions_of(areas.iter().map(|a| &a.exterior[..]), &mut heights.drivable_area)
+        drop_directions_of(&self.lanes, |l| l.baseline.points(), &mut heights.lanes)
+            + drop_directions_of(&self.road_edges, |e| &e.points, &mut heights.road_edges)
+            + drop_directions_of(&self.road_lines, |l| &l.points, &mut heights.road_lines)
+            + drop_directions_of(&self.crosswalks, |c| &c.outline, &mut heights.crosswalks)
+            + drop_directions_of(&self.speed_bumps, |b| &b.outline, &mut heights.speed_bumps)
+            + drop_directions_of(&self.driveways, |d| &d.outline, &mut heights.driveways)
+            + drop_directions_of(areas, |a| &a.exterior, &mut heights.drivable_area)
     }
 }
 
 /// Drops the heights of lines if they are the directions of the lines; returns the number of lines.
-fn drop_directions_of<'a>(lines: impl Iterator<Item = &'a [Vec2]> + Clone, heights: &mut [Vec<f64>]) -> u32 {
+fn drop_directions_of<T>(items: &[T], points: fn(&T) -> &[Vec2], heights: &mut [Vec<f64>]) -> u32 {
     let is_direction = |unit: f64| {
-        let known = lines.clone().zip(heights.iter()).filter(|line| line.0.len() == line.1.len());
+        let lines = items.iter().map(points).zip(heights.iter());
+        let known = lines.filter(|line| line.0.len() == line.1.len());
         let all: usize = known.clone().map(|line| line.1.len()).sum();
         let (mut matching, mut telling) = (all, 0_usize);
         for (points, heights) in known {

@@ -72,11 +72,6 @@ fn windows_and_ego() {
         }
         tags.sort_by_key(Value::to_string);
         assert_eq!(json!(tags), s.expected["scenario_tags"]);
-        let scene = &s.log.scenes[&s.log.frames[s.anchor].scene];
-        assert_eq!(json!(scene.route), s.expected["route_roadblock_ids"]);
-        let goal = scene.goal.unwrap();
-        near(Vec2::new(goal.x, goal.y), &s.expected["mission_goal"], 1e-6, "goal");
-        close(goal.heading, &s.expected["mission_goal"][2], 1e-6, "goal");
         for (k, &row) in rows.iter().enumerate() {
             let state = parts::av_state(&s.log.frames[row].ego, &s.map).unwrap();
             let expected = &s.expected["ego_centers_all_frames"][k];

@@ -91,8 +91,7 @@ fn every_result_agrees() {
         let scorer = Scorer::new(&log).unwrap();
         let results = scorer.score(&rollouts, &Config::ALL).unwrap();
         for (config, result) in Config::ALL.iter().zip(results) {
-            let buckets = result.buckets(config);
-            let groups = [("metrics", result.fields()), ("buckets", buckets.fields().to_vec())];
+            let groups = [("metrics", result.fields()), ("buckets", result.buckets(config).to_vec())];
             for (group, fields) in groups {
                 let expected = &expected[config.id][group];
                 let known = expected.as_object().unwrap().len() - usize::from(group == "metrics");
