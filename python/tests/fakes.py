@@ -20,14 +20,37 @@ EXAMPLES = PACKAGE / "examples"
 IMPORTED = Path(reactsim.__file__).resolve().parents[1]
 """Folder from which the tests import the package: the checkout's, or that of an installed wheel."""
 
+MINI = ROOT / "scenarios" / "mini"
+"""Twelve hand-written scenarios."""
+
+SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
+"""Sizes of small observations of environments."""
+
 Message = Tuple[Dict[str, str], Dict[str, Array]]
+
+
+def executable(path: Path, script: str, interpreter: str = "/bin/sh") -> Path:
+    """Writes a script that can be started, and returns its path."""
+    path.write_text(f"#!{interpreter}\n{script}\n")
+    path.chmod(0o755)
+    return path
+
+
+def is_running(process: int) -> bool:
+    """Returns whether a process exists and is no zombie."""
+    try:
+        os.kill(process, 0)
+        stat = Path(f"/proc/{process}/stat")
+        return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
 
 
 def other_lengths(folder: Path) -> Dict[str, Tuple[int, int]]:
     """Writes scenarios of other lengths than the benchmark's; returns history and steps by id."""
     lengths = {"short": (5, 60), "long": (21, 150)}
     for source, (name, (history, steps)) in zip(("cut-in", "platoon"), lengths.items()):
-        document = json.loads((ROOT / "scenarios" / "mini" / f"{source}.json").read_text("utf-8"))
+        document = json.loads((MINI / f"{source}.json").read_text("utf-8"))
         document.update(id=name, history=history, future=steps)
         (folder / f"{name}.json").write_text(json.dumps(document), "utf-8")
     return lengths

@@ -10,6 +10,7 @@ from typing import Any, Callable, Dict, List, Set
 
 import pytest
 import reactsim
+from fakes import executable
 from reactsim.comparison import Comparisons
 from reactsim.curation import Candidates
 from reactsim.metric import add_document
@@ -174,9 +175,8 @@ def _labels(script: str) -> Dict[str, str]:
 @pytest.fixture
 def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], List[str]]:
     """Calls a function with a program that notes its arguments and fails."""
-    path, notes = tmp_path / "reactsim", tmp_path / "notes"
-    path.write_text(f"#!/bin/sh\nprintf '%s\\0' \"$@\" >'{notes}'\nexit 3\n")
-    path.chmod(0o755)
+    notes = tmp_path / "notes"
+    path = executable(tmp_path / "reactsim", f"printf '%s\\0' \"$@\" >'{notes}'\nexit 3")
     monkeypatch.setenv("REACTSIM_BINARY", str(path))
 
     def call(function: Callable[[], Any]) -> List[str]:

@@ -16,28 +16,18 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import IMPORTED, ROOT, other_lengths
+from fakes import IMPORTED, MINI, SMALL, executable, is_running, other_lengths
 from reactsim.process import ProgramProcess
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 
-MINI = ROOT / "scenarios" / "mini"
-SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
-
 
 @pytest.fixture(scope="module")
-def results(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def results(with_program: None, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Two rollouts of each small scenario."""
-    previous = os.environ.get("REACTSIM_BINARY")
-    os.environ["REACTSIM_BINARY"] = program
-    try:
-        out = tmp_path_factory.mktemp("run") / "run"
-        yield reactsim.run(baselines=["idm"], scenarios=MINI, out=out, rollouts=2, progress=False)
-    finally:
-        os.environ.pop("REACTSIM_BINARY")
-        if previous is not None:
-            os.environ["REACTSIM_BINARY"] = previous
+    out = tmp_path_factory.mktemp("run") / "run"
+    return reactsim.run(baselines=["idm"], scenarios=MINI, out=out, rollouts=2, progress=False)
 
 
 SCRIPT = """
@@ -74,12 +64,10 @@ class Named(Stop):  # type: ignore[misc]
 
 
 @pytest.fixture(scope="module")
-def own(program: str) -> Dict[str, Any]:
+def own(with_program: None) -> Dict[str, Any]:
     """States of the second rollout of each small scenario with `Careful`."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("REACTSIM_BINARY", program)
-        run = reactsim.run(Careful(), MINI, rollouts=2, seed=3, progress=False)
-        return {r.scenario: r.states for r in run.rollouts() if r.rollout == 1}
+    run = reactsim.run(Careful(), MINI, rollouts=2, seed=3, progress=False)
+    return {r.scenario: r.states for r in run.rollouts() if r.rollout == 1}
 
 
 def states_of(results: Any, scenario: str) -> Any:
@@ -206,16 +194,6 @@ class TestScoreStates:
         assert allowed.rollouts[0].metrics["undisturbed-loss"] is None
 
 
-def is_running(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    # A process without a waiting parent stays in the table.
-    stat = Path(f"/proc/{pid}/stat")
-    return not stat.exists() or stat.read_text().rsplit(")", 1)[1].split()[0] != "Z"
-
-
 def pid_of(process: ProgramProcess) -> int:
     return process._program.pid
 
@@ -269,12 +247,11 @@ class TestProcess:
 @pytest.fixture
 def ffmpeg(tmp_path: Path) -> str:
     """A folder with a stand-in for `ffmpeg`, which writes what it is given."""
-    tool = tmp_path / "tools" / "ffmpeg"
-    tool.parent.mkdir()
+    folder = tmp_path / "tools"
+    folder.mkdir()
     write = "import sys; open(sys.argv[-1], 'wb').write(sys.stdin.buffer.read())"
-    tool.write_text(f"#!{sys.executable}\n{write}\n")
-    tool.chmod(0o755)
-    return str(tool.parent)
+    executable(folder / "ffmpeg", write, sys.executable)
+    return str(folder)
 
 
 @pytest.fixture

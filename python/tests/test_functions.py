@@ -14,38 +14,23 @@ from typing import Any
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT
+from fakes import MINI, ROOT, executable
 from reactsim.program import invoke
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 
-MINI = ROOT / "scenarios" / "mini"
-
 
 @pytest.fixture(scope="module")
-def runs(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def runs(with_program: None, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Two runs of two simulators, with other settings of `idm`."""
     folder = tmp_path_factory.mktemp("runs")
-    previous = os.environ.get("REACTSIM_BINARY")
-    os.environ["REACTSIM_BINARY"] = program
-    try:
-        changes = {"before": [], "after": ["--set=idm.vehicle.headway=3"]}
-        return [
-            reactsim.run(
-                Stop(),
-                MINI,
-                baselines=["idm"],
-                out=folder / name,
-                options=options,
-                progress=False,
-            )
-            for name, options in changes.items()
-        ]
-    finally:
-        os.environ.pop("REACTSIM_BINARY")
-        if previous is not None:
-            os.environ["REACTSIM_BINARY"] = previous
+    given: Any = {"baselines": ["idm"], "progress": False}
+    changed = ["--set=idm.vehicle.headway=3"]
+    return [
+        reactsim.run(Stop(), MINI, out=folder / "before", **given),
+        reactsim.run(Stop(), MINI, out=folder / "after", options=changed, **given),
+    ]
 
 
 class TestCompare:
@@ -306,13 +291,11 @@ def test_interrupts(tmp_path: Path) -> None:
 
 
 def test_messages_have_the_last_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    program = tmp_path / "program"
-    program.write_text("#!/bin/sh\nseq 100 >&2\nexit 7\n")
-    program.chmod(0o755)
+    program = executable(tmp_path / "program", "seq 100 >&2\nexit 7")
     monkeypatch.setenv("REACTSIM_BINARY", str(program))
     with pytest.raises(reactsim.ReactsimError, match=r"code 7:\n71\n(.|\n)*\n100$"):
         invoke(["compare"])
-    program.write_text("#!/bin/sh\n")
+    executable(program, "")
     for call in (
         lambda: reactsim.compare("a", "b"),
         lambda: reactsim.curate("a", tmp_path / "none"),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import reactsim
-from fakes import EXAMPLES
+from fakes import MINI
 from own_metric import Closest
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
@@ -179,9 +179,8 @@ def test_unfit_metrics_are_refused_before_the_run(attribute: str, value: str, te
 
 def test_other_scenarios_are_refused(tmp_path: Path) -> None:
     results = run(tmp_path / "run")
-    mini = EXAMPLES.parents[1] / "scenarios" / "mini"
     with pytest.raises(reactsim.ReactsimError, match="is not among the scenarios"):
-        results.add_metrics([Fixed(1.0)], mini)
+        results.add_metrics([Fixed(1.0)], MINI)
 
 
 def test_a_run_outlives_the_failure_of_a_metric() -> None:
@@ -198,10 +197,9 @@ def test_a_run_outlives_the_failure_of_a_metric() -> None:
 
 def test_a_specification_is_run_with_its_scenarios(tmp_path: Path) -> None:
     pytest.importorskip("tomllib")
-    mini = EXAMPLES.parents[1] / "scenarios" / "mini"
     spec = tmp_path / "spec.toml"
     text = 'models = ["stop"]\nreplan = "1hz"\nseed = 3\nlimit = 1\nrollouts = 2\n'
-    spec.write_text(f'scenarios = ["{mini.as_posix()}"]\n{text}')
+    spec.write_text(f'scenarios = ["{MINI.as_posix()}"]\n{text}')
     results = reactsim.run(spec, metrics=[Fixed(2.0)], seed=4, progress=False)
     assert results.spec is not None
     keys = ("models", "replan", "seed", "rollouts", "limit")

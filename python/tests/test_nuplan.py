@@ -11,7 +11,7 @@ import fake_devkit as devkit
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT, Loopback, Message
+from fakes import MINI, Loopback, Message
 from reactsim import nuplan
 from reactsim.client import Array
 from reactsim.roadblocks import parts_of
@@ -869,7 +869,7 @@ def test_a_planner_of_the_devkit_drives_in_the_program() -> None:
         made.append(devkit.Planner())
         return made[-1]
 
-    scenario = ROOT / "scenarios" / "mini" / "platoon.json"
+    scenario = MINI / "platoon.json"
     results = reactsim.run(
         planner=nuplan.wrap(new), baselines=["idm"], scenarios=[scenario], progress=False
     )

@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Optional, Sequence
 import numpy as np
 import pytest
 import reactsim
-from fakes import ROOT, Child, Loopback, Message, make_scenes
+from fakes import MINI, Child, Loopback, Message, make_scenes
 from reactsim.client import Array, Lane, Neighbor, Planner, PlannerObservation, Scene
 from stop import Stop
 
@@ -259,7 +259,7 @@ class Beside(Straight):
 @pytest.mark.usefixtures("with_program")
 def test_the_tracker_reaches_a_plan_beside_the_av() -> None:
     planner = Beside()
-    scenario = ROOT / "scenarios" / "mini" / "platoon.json"
+    scenario = MINI / "platoon.json"
     results = reactsim.run(
         planner=planner,
         baselines=["log-replay"],

@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 import reactsim
 from constant_velocity import ConstantVelocity
-from fakes import EXAMPLES, IMPORTED, ROOT
+from fakes import EXAMPLES, IMPORTED, MINI
 from stop import Stop
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
-
-MINI = ROOT / "scenarios" / "mini"
 
 
 def metrics(results: reactsim.Results, simulator: str) -> list[dict[str, Any]]:

@@ -14,15 +14,13 @@ from typing import Any
 import pytest
 import reactsim
 import reactsim.ray
-from fakes import EXAMPLES, IMPORTED, ROOT
+from fakes import EXAMPLES, IMPORTED, MINI, executable, is_running
 from reactsim.program import call
 from reactsim.ray import run_partitions
 
-MINI = ROOT / "scenarios" / "mini"
-
-program_needed = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 pytestmark = [
-    *program_needed,
+    pytest.mark.program,
+    pytest.mark.usefixtures("with_program"),
     pytest.mark.skipif(sys.platform == "win32", reason="signals and shell scripts"),
 ]
 
@@ -50,9 +48,8 @@ def whole(program: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def case(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The file `case.sh`, which a stand-in for the program runs before the program."""
-    path, case = tmp_path / "wrapper", tmp_path / "case.sh"
-    path.write_text(f'#!/bin/sh\n. "{case}"\nexec "{program}" "$@"\n')
-    path.chmod(0o755)
+    case = tmp_path / "case.sh"
+    path = executable(tmp_path / "wrapper", f'. "{case}"\nexec "{program}" "$@"')
     monkeypatch.setenv("REACTSIM_BINARY", str(path))
     return case
 
@@ -156,14 +153,6 @@ def wait_for(condition: Any) -> None:
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
-
-
-def is_running(process: int) -> bool:
-    """Returns whether a process exists and is no zombie."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-    except OSError:
-        return False
 
 
 def test_without_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict, Iterator
+from typing import Iterator
 
 import numpy as np
 import pytest
-from fakes import ROOT, other_lengths
+from fakes import MINI, SMALL, other_lengths
 
 pytest.importorskip("stable_baselines3")
 
 from reactsim.sb3 import VecEnv
 
 pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
-
-MINI = ROOT / "scenarios" / "mini"
-SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
 
 
 @pytest.fixture
