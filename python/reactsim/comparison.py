@@ -10,7 +10,7 @@ from typing import Any
 from .display import Markdown
 from .options import Options, PathLike, each, joined, paths
 from .program import arguments, invoke
-from .results import frame_of
+from .rows import frame_of
 
 __all__ = ["Comparison", "Comparisons", "MetricDifference", "compare"]
 

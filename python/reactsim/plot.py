@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .client import Array, Kind, Scene
-from .results import Rollout
+from .rows import Rollout
 
 __all__ = ["plot_rollout", "plot_scene"]
 

@@ -27,7 +27,6 @@ __all__ = [
     "Output",
     "ReactsimError",
     "arguments",
-    "call",
     "find_program",
     "finished",
     "interrupt",
@@ -238,14 +237,6 @@ def _path_of(command: Sequence[str]) -> Path | None:
         if word == "--":
             break
     return None
-
-
-def call(command: Sequence[str]) -> str:
-    """Runs a command of the program and returns its standard output.
-
-    Raises ReactsimError with the last lines of the program if it fails.
-    """
-    return invoke(command).text
 
 
 def produce(command: Sequence[str], out: PathLike, *, show: bool) -> Output:

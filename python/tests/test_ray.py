@@ -15,7 +15,7 @@ import pytest
 import reactsim
 import reactsim.ray
 from fakes import EXAMPLES, IMPORTED, MINI, executable, is_running
-from reactsim.program import call
+from reactsim.program import invoke
 from reactsim.ray import run_partitions
 
 pytestmark = [
@@ -67,7 +67,7 @@ class TestProcesses:
         whole.parent.mkdir()
         command = ["generate", "--preset", "train", "--count", "3"]
         run_partitions(tmp_path / "parts", [*command, f"--out={out}"], partitions=2)
-        call([*command, "--out", str(whole)])
+        invoke([*command, "--out", str(whole)])
         assert filecmp.cmp(out, whole, shallow=False)
 
     def test_repeated_partitions(
@@ -191,5 +191,5 @@ def test_slurm(program: str, whole: Path, tmp_path: Path) -> None:
     for task in (1, 2, 3, 2):
         slurm = {"SLURM_ARRAY_TASK_ID": str(task), "SLURM_ARRAY_TASK_COUNT": "3"}
         subprocess.run(script, check=True, env={**env, **slurm}, stdout=subprocess.DEVNULL)
-    call(["merge", *map(str, sorted(parts.iterdir())), "--out", str(out)])
+    invoke(["merge", *map(str, sorted(parts.iterdir())), "--out", str(out)])
     assert_equal(whole, out)
