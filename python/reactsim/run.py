@@ -11,18 +11,16 @@ import warnings
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Union, cast
+from typing import Any, cast
 
 from .client import Session, is_served, serve
 from .metric import Metric, checked
-from .options import paths, reading, selection
+from .options import PathLike, joined, paths, reading, selection
 from .process import attend, first_errors, own_session
 from .program import CHECK, ReactsimError, arguments, find_program, local_folder
 from .results import Results
 
 __all__ = ["run"]
-
-PathLike = Union[str, "os.PathLike[str]"]
 
 
 def run(
@@ -155,9 +153,8 @@ def run(
     program = find_program()
     temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
     folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
-    models = baselines if isinstance(baselines, str) else ",".join(baselines)
     options_given = [
-        ("--models", models or None),
+        ("--models", joined(baselines)),
         *programs,
         ("--out", folder),
         ("--keep-rollouts", True),

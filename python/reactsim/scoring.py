@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from .client import Array, as_array
-from .options import PathLike, each, paths, reading, settings
+from .options import PathLike, each, paths, reading, settings, several, texts
 from .process import shared_request
-from .program import arguments, produce, text_of
+from .program import arguments, produce
 from .results import Results
 from .rows import Event, read_event, value_of
 from .scenarios import Scenario
@@ -68,7 +68,7 @@ def score(
         ("--deviations", deviations),
         *each("--allow", allow),
         ("--pose", pose),
-        *settings("--metric-option", metric_options or {}),
+        *settings("--metric-option", metric_options),
         *reading(current_frame, window_step, history, future, all_agents),
         ("--out", out),
         ("--jobs", jobs),
@@ -166,9 +166,9 @@ def score_states(
         "scenario": scenario.id,
         "simulator": simulator,
         "agents": None if agents is None else list(agents),
-        "allow": [allow] if isinstance(allow, str) else list(allow),
+        "allow": several(allow),
         "pose": pose,
-        "metric_options": {key: text_of(value) for key, value in (metric_options or {}).items()},
+        "metric_options": texts(metric_options),
     }
     answer, _ = shared_request("score", given, {"states": array})
     return read_scores(answer["rows"], answer["events"])
