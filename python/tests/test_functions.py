@@ -258,7 +258,7 @@ def test_runs_of_baselines() -> None:
         reactsim.run(baselines=["no-such-model"], progress=False)
 
 
-@pytest.mark.parametrize("name", ["-q", "--help", "=x", "a b", 'it\'s "so"'])
+@pytest.mark.parametrize("name", ["-q", "--help", "=x", "a b", 'it\'s "so"', "two\nlines"])
 def test_names_are_no_options(
     name: str, runs: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -268,13 +268,16 @@ def test_names_are_no_options(
     assert reactsim.command("report", "--", name, format="csv").text.startswith("run,")
     out = f"{name}.parquet"
     assert reactsim.command("convert", MINI, out=out, progress=False).path == Path(out)
-    assert len(list(reactsim.scenarios(out))) == 12
+    (scenario, *_) = reactsim.scenarios(out, ids="cut-in")
+    results = reactsim.run(Stop(), out, ids=["cut-in"], out=f"-{name}", progress=False)
+    assert [rollout.agents for rollout in results.rollouts()] == [scenario.agents]
     assert "</svg>" in reactsim.Results(name).svg("cut-in", "idm", source=out)
     for call in (
         lambda: reactsim.compare(name, "none"),
         lambda: reactsim.compare(name, name, models=[name, name]),
         lambda: reactsim.command("report", "--", name, format=name),
         lambda: reactsim.command("inspect", MINI, id=name),
+        lambda: reactsim.run(Stop(), MINI, ids=[name], deviations=name, progress=False),
         lambda: reactsim.command("verify", "--", name, progress=False),
     ):
         with pytest.raises(reactsim.ReactsimError, match="code 2"):

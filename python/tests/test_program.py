@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -117,30 +116,6 @@ def test_scenarios() -> None:
     assert "</svg>" in scenarios[0].svg()
     with pytest.raises(reactsim.ReactsimError):
         list(reactsim.scenarios("not-there"))
-
-
-@pytest.mark.parametrize(
-    "name", ["-q.json", "--help.json", "=x.json", "a b.json", 'it\'s "so".json', "two\nlines.json"]
-)
-def test_names_are_no_options(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copy(MINI / "cut-in.json", tmp_path / name)
-    monkeypatch.chdir(tmp_path)
-    assert [s.id for s in reactsim.scenarios(name)] == ["cut-in"]
-    results = reactsim.run(Stop(), name, out=f"-{name}", deviations=None, progress=False)
-    assert len({row["scenario"] for row in results._lines("rows.jsonl")}) == 1
-    assert "</svg>" in results.svg("cut-in", "stop-py", source=name)
-    with pytest.raises(reactsim.ReactsimError, match="code 2"):
-        reactsim.run(Stop(), MINI, ids=["--help"], deviations="-q", progress=False)
-
-
-def test_rollouts() -> None:
-    pytest.importorskip("pyarrow")
-    results = reactsim.run(Stop(), MINI, limit=1, progress=False)
-    scenarios = {s.id: s for s in reactsim.scenarios(MINI)}
-    for rollout in results.rollouts():
-        scenario = scenarios[rollout.scenario]
-        assert set(rollout.agents) <= set(scenario.agents)
-        assert rollout.states.shape == (len(rollout.agents), 80, 5)
 
 
 def test_notebook() -> None:
