@@ -184,13 +184,7 @@ class _Core:
 
     def episode(self, slot: int, generator: np.random.Generator, **chosen: Any) -> dict[str, int]:
         """Returns the next episode of a slot; what is not chosen is random."""
-        scenario, rollout = chosen.get("scenario"), chosen.get("rollout")
-        drawn = int(generator.integers(len(self.scenarios))), int(generator.integers(ROLLOUTS))
-        return {
-            "slot": slot,
-            "scenario": drawn[0] if scenario is None else index_of(scenario, self.scenarios),
-            "rollout": drawn[1] if rollout is None else whole("rollout", rollout, most=MAX_ROLLOUT),
-        }
+        return {"slot": slot, **episode_of(self.scenarios, generator, **chosen)}
 
     def reset(self, episodes: list[dict[str, int]]) -> Any:
         """Begins episodes in all slots; returns the observations."""
@@ -430,13 +424,24 @@ def traffic_of(
     return arguments, sessions
 
 
-def index_of(scenario: Any, ids: Sequence[str]) -> int:
-    """Returns the index of a scenario that is given by its id or its index."""
-    if not isinstance(scenario, str):
-        return whole("scenario", scenario, most=len(ids) - 1)
-    if scenario not in ids:
+def episode_of(
+    ids: Sequence[str], generator: np.random.Generator, scenario: Any = None, rollout: Any = None
+) -> dict[str, int]:
+    """Returns the indices of the scenario, given by its id or index, and of the rollout.
+
+    What is not given is random.
+    """
+    drawn = int(generator.integers(len(ids))), int(generator.integers(ROLLOUTS))
+    if scenario is None:
+        index = drawn[0]
+    elif not isinstance(scenario, str):
+        index = whole("scenario", scenario, most=len(ids) - 1)
+    elif scenario in ids:
+        index = ids.index(scenario)
+    else:
         raise ValueError(f"no scenario `{scenario}` in this environment")
-    return ids.index(scenario)
+    rollout = drawn[1] if rollout is None else whole("rollout", rollout, most=MAX_ROLLOUT)
+    return {"scenario": index, "rollout": rollout}
 
 
 def common_of(

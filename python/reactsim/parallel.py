@@ -22,9 +22,7 @@ import numpy as np
 from .client import Array
 from .display import Gif
 from .environment import (
-    MAX_ROLLOUT,
     RENDER_FPS,
-    ROLLOUTS,
     Reward,
     action_space,
     check_names,
@@ -32,7 +30,7 @@ from .environment import (
     checked,
     common_of,
     end_info,
-    index_of,
+    episode_of,
     known_reward,
     observation_space,
     traffic_of,
@@ -231,12 +229,8 @@ class ParallelEnv(SavesMp4, pettingzoo.ParallelEnv[str, dict[str, Array], Array]
         if seed is not None:
             self._generator = np.random.default_rng(seed)
         # Other options are ignored: the tests of pettingzoo give some.
-        chosen = dict(options or {})
-        drawn = int(self._generator.integers(len(self._scenarios)))
-        scenario = index_of(chosen.get("scenario", drawn), self._scenarios)
-        rollout = chosen.get("rollout", int(self._generator.integers(ROLLOUTS)))
-        rollout = whole("rollout", rollout, most=MAX_ROLLOUT)
-        given = {"scenario": scenario, "rollout": rollout}
+        chosen = {k: v for k, v in (options or {}).items() if k in ("scenario", "rollout")}
+        given = episode_of(self._scenarios, self._generator, **chosen)
         self.agents = []
         self._ids, arrays = self._process.request("world-reset", given)
         self.agents = self.possible_agents[: len(self._ids)]
