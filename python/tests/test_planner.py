@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from types import SimpleNamespace
-from typing import Any, Dict, List, Optional, Sequence
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 import pytest
@@ -69,6 +69,15 @@ class Program(Loopback):
         return self.ask("plan", {"frame": str(frame), "steps": str(steps)}, tensors)
 
 
+def begun() -> Tuple[Straight, Program]:
+    """Returns a planner with an episode of 3 agents, whose handle is 1."""
+    planner = Straight()
+    program = Program(planner)
+    program.hello()
+    program.start(1, 3, [0])
+    return planner, program
+
+
 def test_episodes_are_kept_apart() -> None:
     planner = Straight()
     program = Program(planner)
@@ -103,10 +112,7 @@ def test_episodes_are_kept_apart() -> None:
     ],
 )
 def test_answers_are_checked(answer: Any, part: str) -> None:
-    planner = Straight()
-    program = Program(planner)
-    program.hello()
-    program.start(1, 3, [0])
+    planner, program = begun()
     planner.answer = answer
     text, tensors = program.drive(1, 3, 10, 0, 5)
     if answer is None:
@@ -126,10 +132,7 @@ def test_answers_are_checked(answer: Any, part: str) -> None:
     ],
 )
 def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
-    planner = Straight()
-    program = Program(planner)
-    program.hello()
-    program.start(1, 3, [0])
+    planner, program = begun()
     planner.answer = reactsim.Trajectory(np.zeros((5, 3)), present)
     text, tensors = program.drive(1, 3, 10, 0, 5)
     if part:
@@ -144,12 +147,9 @@ def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
 
 
 def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
-    planner = Straight()
+    planner, program = begun()
     ended: List[int] = []
-    program = Program(planner)
     program.session.on_end = ended.append
-    program.hello()
-    program.start(1, 3, [0])
     assert planner.continues is None
     program.drive(1, 3, 10, 0, 5)
     memory = planner.last.memory
@@ -180,9 +180,7 @@ def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
 def test_wrong_continuations_are_refused(
     changed: Dict[str, str], slots: List[int], part: str
 ) -> None:
-    program = Program(Straight())
-    program.hello()
-    program.start(1, 3, [0])
+    _, program = begun()
     continues = {"continues": "1", "continued_frame": "14", **changed}
     text, _ = program.start(2, 3, [0], continues, slots)
     assert text["type"] == "failed" and part in text["error"], text

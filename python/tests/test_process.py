@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from fakes import EXAMPLES, IMPORTED, Child, make_scenes, roll_out
 
+STOP = (EXAMPLES / "stop.py").read_text()
 Positions = Iterator[Tuple[float, float]]
 
 NOISY = """
@@ -138,40 +139,33 @@ def test_prints_do_not_break_the_protocol(how: str, tmp_path: Path) -> None:
         assert part in errors
 
 
-def test_a_script_that_runs_its_simulator_serves_it_too(tmp_path: Path) -> None:
-    text = (EXAMPLES / "stop.py").read_text()
-    text = re.sub(
-        r"reactsim\.serve\((\w+\(\))\)", r"print(reactsim.run(\1, limit=1).table())", text
-    )
-    (tmp_path / "mine.py").write_text(text + '    print("after")\n')
-    with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
+def check_stop(folder: Path, script: str, **env: str) -> None:
+    """Asserts that a script serves the simulator of the example."""
+    (folder / "mine.py").write_text(script)
+    with Child(str(folder / "mine.py"), env=env) as child:
         assert child.hello()["name"] == "stop-py"
         roll_out(child, make_scenes())
         child.bye()
         assert child.wait() == (0, "")
+
+
+def test_a_script_that_runs_its_simulator_serves_it_too(tmp_path: Path) -> None:
+    runs = r"print(reactsim.run(\1, limit=1).table())"
+    text = re.sub(r"reactsim\.serve\((\w+\(\))\)", runs, STOP)
+    check_stop(tmp_path, text + '    print("after")\n', REACTSIM_EXTERNAL="1")
 
 
 def test_copied_client(tmp_path: Path) -> None:
     """The client works as a single file in another repository."""
-    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path / "client.py")
-    text = (EXAMPLES / "stop.py").read_text()
-    text = text.replace("import reactsim", "import client as reactsim")
-    (tmp_path / "mine.py").write_text(text)
-    with Child(str(tmp_path / "mine.py"), env={"PYTHONPATH": str(tmp_path)}) as child:
-        assert child.hello()["name"] == "stop-py"
-        roll_out(child, make_scenes())
-        child.bye()
-        assert child.wait() == (0, "")
+    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path)
+    text = STOP.replace("import reactsim", "import client as reactsim")
+    check_stop(tmp_path, text, PYTHONPATH=str(tmp_path))
 
 
 def test_two_copies_of_the_client(tmp_path: Path) -> None:
     """A copy of the client that did not claim the streams uses those of the copy that did."""
-    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path / "client.py")
-    text = "import client\n" + (EXAMPLES / "stop.py").read_text()
-    (tmp_path / "mine.py").write_text(text)
-    with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
-        assert child.hello()["name"] == "stop-py"
-        assert child.wait() == (0, "")
+    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path)
+    check_stop(tmp_path, "import client\n" + STOP, REACTSIM_EXTERNAL="1")
 
 
 def test_broken_frames() -> None:
