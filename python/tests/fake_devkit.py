@@ -271,7 +271,6 @@ class StopLine(MapObject):
 class Intersection(MapObject):
     def __init__(self, object_id: str, intersection_type: IntersectionType) -> None:
         super().__init__(object_id)
-        self.intersection_type = intersection_type
 
 
 class Trajectory:

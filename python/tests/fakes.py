@@ -117,7 +117,6 @@ class Parent:
         self.reader, self.writer = reader, writer
         self.seq = 0
         self.to = {"to": "mine", "worker": "0"}
-        self.moves_av = False
 
     def ask(
         self,
@@ -159,7 +158,6 @@ class Parent:
         self.states[:, :, :history] = tensors["history"]
         self.frame = history - 1
         self.new = 0
-        self.moves_av = metadata.get("moves_av") == "1"
         return self.ask("begin", {"moves_av": "0", "steps": str(steps), **metadata}, tensors)
 
     def plan(self, steps: int, active: Optional[Array] = None) -> Message:

@@ -87,7 +87,7 @@ def test_batches_of_other_lengths(mine: Mine, parent: Loopback, history: int, fu
     "length",
     ["[11]", "[1, 80]", "[11, 0]", "[101, 80]", "[11, 6001]", "[11, true]", "[1.5, 8]", "x"],
 )
-def test_impossible_lengths_are_refused(mine: Mine, parent: Loopback, length: str) -> None:
+def test_impossible_lengths_are_refused(parent: Loopback, length: str) -> None:
     parent.hello()
     metadata = {"moves_av": "0", "steps": "5", "length": length}
     answer, _ = parent.ask("begin", metadata, make_scenes())

@@ -102,7 +102,7 @@ def ades(results: reactsim.Results) -> "dict[str, float]":
 
 
 class TestCommand:
-    def test_tables(self, runs: Any, tmp_path: Path) -> None:
+    def test_tables(self, runs: Any) -> None:
         table = reactsim.command("report", *runs, columns=["ade"], also=["log-clinging"], bold=True)
         assert (table.code, table.path) == (0, None)
         assert str(table) == table.text
@@ -173,7 +173,7 @@ class TestPictures:
         assert both == before.gif("cut-in", ["idm", "stop-py"], source=MINI, every=20)
         assert both != before.gif("cut-in", "idm", source=MINI, every=20)
 
-    def test_notebooks_show_them(self, runs: Any, program: str) -> None:
+    def test_notebooks_show_them(self, runs: Any) -> None:
         nbformat = pytest.importorskip("nbformat")
         nbclient = pytest.importorskip("nbclient")
         pytest.importorskip("ipykernel")
@@ -192,7 +192,7 @@ class TestPictures:
             (output,) = (one for one in cell.outputs if one["output_type"] == "execute_result")
             assert kind in output["data"], cell.source
 
-    def test_reading(self, tmp_path: Path) -> None:
+    def test_reading(self) -> None:
         more = list(reactsim.scenarios(MINI, ids="crosswalk", all_agents=True))
         assert more[0].svg().startswith("<svg")
 
