@@ -3,7 +3,7 @@
 Reads a run with log replay and kept rollouts, and the certificates of its deviated AVs, which say whom an AV disturbs:
 
     reactsim run bench.parquet --models log-replay,idm,ntp-guarded --keep-rollouts --out runs/behaviour
-    python3 benches/behaviour.py runs/behaviour bench.parquet
+    PYTHONPATH=python python3 benches/behaviour.py runs/behaviour bench.parquet
 
 `ADE apart` is the mean distance to the log over agents without a response in the certificate and over steps at which both are
 there: per scenario, then over scenarios. `stands` is the share of steps at which vehicles that are no AV are below 0.2 m/s, in the
@@ -13,10 +13,10 @@ stand all that time. Intervals are half of the 95 % interval of the mean over sc
 
 import sys
 from collections import defaultdict
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
+import reactsim
 
 STANDSTILL = 0.2
 LAST_STEPS = 40
@@ -25,25 +25,20 @@ MOVED = 5.0
 
 def main() -> None:
     """Reads a run and prints the table."""
-    run, files = Path(sys.argv[1]), sys.argv[2:]
-    responders = certificates(files)
-    logs, values = {}, defaultdict(lambda: defaultdict(dict))
-    for record in records(run):
-        key, ids = record["scenario_id"], record["agent_id"]
-        tracks = np.stack([filled(record[c]) for c in ("x", "y")], axis=-1)
-        if record["simulator"] == "log-replay":
-            logs[key] = (ids, tracks)
-    for record in records(run):
-        key, ids = record["scenario_id"], record["agent_id"]
-        if key not in responders or key not in logs:
+    run, responders = reactsim.Results(sys.argv[1]), certificates(sys.argv[2:])
+    replayed = run.rollouts(simulator="log-replay")
+    logs = {r.scenario: r.states[..., :2] for r in replayed if r.rollout == 0}
+    values = defaultdict(lambda: defaultdict(dict))
+    for rollout in run.rollouts():
+        key, ids = rollout.scenario, rollout.agents
+        if rollout.rollout or key not in responders or key not in logs:
             continue
         concerned, vehicles = responders[key]
-        tracks = np.stack([filled(record[c]) for c in ("x", "y")], axis=-1)
-        log = logs[key][1]
+        tracks, log = rollout.states[..., :2], logs[key]
         # Slot 0 is the AV.
         apart = [i for i, agent in enumerate(ids) if i > 0 and agent not in concerned]
         distances = np.linalg.norm(tracks[apart] - log[apart], axis=-1)
-        own = values[record["simulator"]]
+        own = values[rollout.simulator]
         own["ADE apart"][key] = nanmean(distances)
         moving = [i for i, agent in enumerate(ids) if i > 0 and (vehicles is None or agent in vehicles)]
         speeds, logged = (10.0 * np.linalg.norm(np.diff(t[moving], axis=1), axis=-1) for t in (tracks, log))
@@ -57,14 +52,6 @@ def main() -> None:
     print("| simulator | " + " | ".join(names) + " |\n|---|" + "--:|" * len(names))
     for simulator, own in values.items():
         print(f"| {simulator} | " + " | ".join(text(name, own[name]) for name in names) + " |")
-
-
-def records(run: Path):
-    """Yields the first rollout of every scenario and simulator."""
-    file = pq.ParquetFile(run / "rollouts.parquet")
-    columns = ["scenario_id", "simulator", "rollout", "agent_id", "x", "y"]
-    for batch in file.iter_batches(64, columns=columns):
-        yield from (r for r in batch.to_pylist() if r["rollout"] == 0)
 
 
 def certificates(files: list) -> dict:
@@ -84,12 +71,6 @@ def certificates(files: list) -> dict:
                         vehicles = {a for a, kind in zip(row["agent_id"], kinds) if kind == "vehicle"}
                     found[row[own]] = (set(row["response_agent"]), vehicles)
     return found
-
-
-def filled(rows: list) -> np.ndarray:
-    """Returns positions of all agents, NaN where they are absent."""
-    values = [[np.nan if v is None else v for v in row] for row in rows]
-    return np.array(values, dtype=float)
 
 
 def nanmean(values: np.ndarray) -> float:

@@ -31,22 +31,20 @@ TOLERANCE = 0.03
 def workloads(home):
     """Return the arguments of each workload."""
     road.write(home / "json", 4)
-    run = ["run", "--jobs", "1"]
-    braking = ["--models", "idm", "--av", "brake:4"]
+    run = ["run", "--jobs", "1", "--models"]
+
+    def shipped(model, count):
+        return [*run, model, "--limit", str(count)]
+
     return {
-        "idm, 4 roads with 64 cars": [*run, home / "json", *braking],
-        "idm, 8 shipped scenarios": [*run, "--models", "idm", "--limit", "8"],
-        "log-replay, 8 shipped scenarios": [*run, "--models", "log-replay", "--limit", "8"],
-        "ntp-reactive, 1 shipped scenario": [*run, "--models", "ntp-reactive", "--limit", "1"],
-        "ntp-guarded, 1 shipped scenario": [*run, "--models", "ntp-guarded", "--limit", "1"],
-        "qp-regression, 1 shipped scenario": [*run, "--models", "qp-regression", "--limit", "1"],
+        "idm, 4 roads with 64 cars": [*run, "idm", home / "json", "--av", "brake:4"],
+        "idm, 8 shipped scenarios": shipped("idm", 8),
+        "log-replay, 8 shipped scenarios": shipped("log-replay", 8),
+        "ntp-reactive, 1 shipped scenario": shipped("ntp-reactive", 1),
+        "ntp-guarded, 1 shipped scenario": shipped("ntp-guarded", 1),
+        "qp-regression, 1 shipped scenario": shipped("qp-regression", 1),
         "generate, 2 logs": [
-            "generate",
-            "--preset",
-            "train",
-            "--count",
-            "2",
-            "--out",
+            *"generate --preset train --count 2 --out".split(),
             home / "g.parquet",
         ],
         "curate, 4 roads": ["curate", home / "json", "--jobs", "1", "--out", home / "c.parquet"],
@@ -55,12 +53,8 @@ def workloads(home):
 
 def instructions(command):
     """Return the number of instructions of a process."""
-    valgrind = [
-        "valgrind",
-        "--tool=cachegrind",
-        "--cache-sim=no",
-        "--cachegrind-out-file=/dev/null",
-    ]
+    options = "--tool=cachegrind --cache-sim=no --cachegrind-out-file=/dev/null"
+    valgrind = ["valgrind", *options.split()]
     done = subprocess.run([*valgrind, *command], capture_output=True, text=True, check=False)
     found = re.search(r"I\s+refs:\s+([\d,]+)", done.stderr)
     if done.returncode != 0 or not found:

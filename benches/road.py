@@ -125,17 +125,8 @@ def sumo_process(net, count, reads):
         )
         kind = '<vType id="car" carFollowModel="IDM" length="4.5" width="1.8"/>'
         routes.write_text(f'<routes>{kind}<route id="along" edges="road"/>{vehicles}</routes>')
-        arguments = [
-            "sumo",
-            "-n",
-            net,
-            "-r",
-            str(routes),
-            "--step-length",
-            "0.1",
-            "--no-step-log",
-            "--no-warnings",
-        ]
+        options = "--step-length 0.1 --no-step-log --no-warnings".split()
+        arguments = ["sumo", "-n", net, "-r", str(routes), *options]
         (libsumo.start if seed == 0 else lambda a: libsumo.load(a[1:]))(arguments)
         present = 0
         begin = time.process_time()
@@ -198,44 +189,19 @@ def main():
             stdout=subprocess.DEVNULL,
         )
 
-        def run(program, file):
-            return [
-                program,
-                "run",
-                file,
-                "--models",
-                "idm",
-                "--av",
-                "brake:4",
-                "--jobs",
-                "1",
-                "--quiet",
-            ]
-
-        steps = present_steps(arguments.reactsim, road)
-        measured = {"reactsim, the road": (run(arguments.reactsim, road), steps)}
-        if arguments.against:
-            measured["other release, the road"] = (run(arguments.against, road), steps)
-        if arguments.logs:
-            steps_of_logs = present_steps(arguments.reactsim, arguments.logs)
-            measured["reactsim, logs"] = (run(arguments.reactsim, arguments.logs), steps_of_logs)
-            if arguments.against:
-                measured["other release, logs"] = (
-                    run(arguments.against, arguments.logs),
-                    steps_of_logs,
-                )
+        options = "--models idm --av brake:4 --jobs 1 --quiet".split()
+        programs = {"reactsim": arguments.reactsim, "other release": arguments.against}
+        measured = {}
+        for what, file in {"the road": road, "logs": arguments.logs}.items():
+            steps = present_steps(arguments.reactsim, file) if file else 0
+            for name, program in programs.items():
+                if file and program:
+                    measured[f"{name}, {what}"] = ([program, "run", file, *options], steps)
         net = write_sumo_network(home)
         if net:
             for name, reads in [(SUMO, "move"), (f"{SUMO}, positions and speeds read", "read")]:
-                command = [
-                    sys.executable,
-                    __file__,
-                    "--count",
-                    str(arguments.count),
-                    "--sumo-process",
-                    net,
-                    reads,
-                ]
+                command = [sys.executable, __file__, "--count", str(arguments.count)]
+                command += ["--sumo-process", net, reads]
                 measured[name] = (command, LANES * CARS_PER_LANE * STEPS * arguments.count)
         else:
             print("SUMO is not installed: pip install eclipse-sumo libsumo", file=sys.stderr)

@@ -55,18 +55,8 @@ def point(program, home, sizes):
     road.write(home / "json", sizes["scenarios"])
     native = home / "road.parquet"
     subprocess.run([program, "convert", "-q", home / "json", "--out", native], check=True)
-    command = [
-        program,
-        "run",
-        native,
-        "--models",
-        "idm",
-        "--av",
-        "brake:4",
-        "--all-agents",
-        "--quiet",
-    ]
-    found = measure([*command, "--jobs", sizes.get("threads", 1)])
+    options = "--models idm --av brake:4 --all-agents --quiet".split()
+    found = measure([program, "run", native, *options, "--jobs", sizes.get("threads", 1)])
     net = road.write_sumo_network(home)
     if not net or "threads" in sizes or sizes["scenarios"] > 1000:
         return *found, None

@@ -10,7 +10,6 @@ the states that they reach themselves the agents learn to return to their logs, 
 contacts and to stay on the road, as the program measures them at every step.
 """
 
-import subprocess
 import sys
 import tempfile
 import time
@@ -26,7 +25,7 @@ except ImportError:
 
 WEIGHTS = Path("fine_tune.pt")
 CLONING, FINE_TUNING = 20.0, 180.0  # time limits of the stages, seconds
-GENERATE = "generate --preset train --count 60 --seed 12 --out".split()
+GENERATE = {"preset": "train", "count": 60, "seed": 12}
 SIZES = {"agents": 8, "frames": 2, "lanes": 8, "points": 5, "lights": 1}
 LIMITS = np.array([6.0, 0.3])  # acceleration (m/s²) and curvature (1/m) of an action of 1
 SCALE = {"av": 10.0, "agents": 10.0, "lanes": 10.0, "lights": 20.0}
@@ -235,8 +234,6 @@ if __name__ == "__main__":
         train(sys.argv[1])
     else:
         with tempfile.TemporaryDirectory() as folder:
-            path = str(Path(folder, "train.parquet"))
-            subprocess.run(
-                [reactsim.find_program(), *GENERATE, path], check=True, stdout=sys.stderr
-            )
+            path = Path(folder, "train.parquet")
+            print(reactsim.command("generate", **GENERATE, out=path), file=sys.stderr)
             train(path)

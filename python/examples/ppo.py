@@ -10,7 +10,6 @@ observation is the speed, the time to collision, the bends of the route, and how
 agents are along and beside the route.
 """
 
-import subprocess
 import sys
 import tempfile
 import time
@@ -34,7 +33,7 @@ SECONDS = 210.0  # time limit of the training
 STEPS = 90_000  # decisions of the training
 ENVS = 8
 SCENARIOS = 400  # scenarios of the training
-GENERATE = f"generate --preset train --count {SCENARIOS} --seed 9 --out".split()
+GENERATE = {"preset": "train", "count": SCENARIOS, "seed": 9}
 TESTED = 150  # scenarios of the comparison
 AGENTS = 12
 EVERY = 2  # steps of 0.1 s per decision
@@ -192,10 +191,8 @@ if __name__ == "__main__":
         policy = train(sys.argv[1])
     else:
         with tempfile.TemporaryDirectory() as folder:
-            path = str(Path(folder, "train.parquet"))
-            subprocess.run(
-                [reactsim.find_program(), *GENERATE, path], check=True, stdout=sys.stderr
-            )
+            path = Path(folder, "train.parquet")
+            print(reactsim.command("generate", **GENERATE, out=path), file=sys.stderr)
             policy = train(path)
     env = AlongRoute(None, limit=TESTED)
     print("policy            progress (m)  contacts at fault  score")

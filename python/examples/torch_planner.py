@@ -10,7 +10,6 @@ frame of the AV. The output is the distance that the AV drives along the route w
 """
 
 import hashlib
-import subprocess
 import sys
 import tempfile
 import time
@@ -27,7 +26,7 @@ except ImportError:
 WEIGHTS = Path("torch_planner.pt")
 SECONDS = 30.0  # time limit of the training
 SCENARIOS = 100  # scenarios of the training
-GENERATE = f"generate --preset train --count {SCENARIOS} --seed 8 --out".split()
+GENERATE = {"preset": "train", "count": SCENARIOS, "seed": 8}
 NEIGHBOURS = 8
 POINTS = 10  # points of the path, every 5 m
 FEATURES = 1 + POINTS * 2 + NEIGHBOURS * 4
@@ -176,9 +175,7 @@ if __name__ == "__main__":
         train(sys.argv[1])
     else:
         with tempfile.TemporaryDirectory() as folder:
-            path = str(Path(folder, "train.parquet"))
-            subprocess.run(
-                [reactsim.find_program(), *GENERATE, path], check=True, stdout=sys.stderr
-            )
+            path = Path(folder, "train.parquet")
+            print(reactsim.command("generate", **GENERATE, out=path), file=sys.stderr)
             train(path)
     print(reactsim.run(planner=TorchPlanner(), baselines=["log-replay", "idm"], limit=20).table())

@@ -8,7 +8,6 @@ agent. The output is a correction of the constant-velocity trajectory.
 """
 
 import hashlib
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,7 +24,7 @@ except ImportError:
 WEIGHTS = Path("torch_policy.pt")
 SECONDS = 40.0  # time limit of the training
 SCENARIOS = 100  # scenarios of the training
-GENERATE = f"generate --preset train --count {SCENARIOS} --seed 7 --out".split()
+GENERATE = {"preset": "train", "count": SCENARIOS, "seed": 7}
 HORIZON = 40  # predicted steps; replan intervals up to this are supported
 NEIGHBOURS = 8
 FRAMES = 11  # observed frames
@@ -165,10 +164,8 @@ if __name__ == "__main__":
         train(sys.argv[1])
     else:
         with tempfile.TemporaryDirectory() as folder:
-            path = str(Path(folder, "train.parquet"))
-            subprocess.run(
-                [reactsim.find_program(), *GENERATE, path], check=True, stdout=sys.stderr
-            )
+            path = Path(folder, "train.parquet")
+            print(reactsim.command("generate", **GENERATE, out=path), file=sys.stderr)
             train(path)
     results = reactsim.run(TorchPolicy(), baselines=["constant-velocity", "idm"])
     print(results.table())

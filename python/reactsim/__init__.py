@@ -52,16 +52,11 @@ from .metric import Case, Metric
 from .plot import plot_rollout, plot_scene
 from .program import Output, ReactsimError, find_program
 from .registration import register as _register
-from .results import Results, Rollout
+from .results import Results
+from .rows import Event, Rollout
 from .run import run
 from .scenarios import Scenario, scenarios
-from .scoring import (
-    Event,
-    RolloutScores,
-    StatesScores,
-    score,
-    score_states,
-)
+from .scoring import RolloutScores, StatesScores, score, score_states
 from .training import train
 from .wosac import WosacRollouts, WosacScores, WosacShares, wosac
 

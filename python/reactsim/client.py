@@ -190,41 +190,7 @@ def _unique(pairs: List[Tuple[str, Any]]) -> Dict[str, Any]:
     return result
 
 
-def parse_safetensors(document: Any) -> Tuple[Dict[str, str], Dict[str, Array]]:
-    """Reads a safetensors document: its metadata, and its tensors as views of `document`.
-
-    Raises ProtocolError unless the tensors have known types and fill the document without gaps.
-    """
-    view = memoryview(document).cast("B")
-    length = _header_length(view[:8], len(view))
-    metadata, layout = _header(bytes(view[8 : 8 + length]), len(view) - 8 - length)
-    tensors: Dict[str, Array] = {}
-    for name, dtype, shape, offset, count in layout:
-        start = 8 + length + offset
-        try:
-            tensors[name] = (
-                np.ndarray(shape, dtype, view, start) if count else np.empty(shape, dtype)
-            )
-        except ValueError as error:
-            raise ProtocolError(
-                "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
-            ) from None
-    return metadata, tensors
-
-
-def _header_length(prefix: Any, size: int) -> int:
-    """Reads the length of the header from the first 8 bytes of a document of `size` bytes."""
-    if size < 8:
-        raise ProtocolError("safetensors: %d bytes are too short for a header" % size)
-    length = int.from_bytes(prefix, "little")
-    if length > min(size - 8, MAX_HEADER):
-        raise ProtocolError(
-            "safetensors: a header of %d bytes in a document of %d" % (length, size)
-        )
-    return length
-
-
-_Layout = List[Tuple[str, Any, List[int], int, int]]
+_Layout = List[Tuple[str, Any, List[int]]]
 
 
 def _header(text: bytes, size: int) -> Tuple[Dict[str, str], _Layout]:
@@ -258,7 +224,7 @@ def _json_of(text: bytes) -> Any:
 
 @functools.lru_cache(maxsize=64)
 def _layout(text: bytes, size: int) -> Tuple[List[Any], _Layout]:
-    """Reads the metadata of a header, and name, type, shape, offset and count of each tensor.
+    """Reads the metadata of a header, and name, type and shape of each tensor.
 
     Tensors are in the order of their offsets. Raises ProtocolError unless they have known types and
     fill `size` bytes without gaps.
@@ -267,7 +233,7 @@ def _layout(text: bytes, size: int) -> Tuple[List[Any], _Layout]:
     if not isinstance(header, dict):
         raise ProtocolError("safetensors: the header is not a JSON object")
     metadata = [header.pop("__metadata__")] if "__metadata__" in header else []
-    layout: _Layout = []
+    spans: List[Tuple[int, int, str, Any, List[int]]] = []
     for name, entry in header.items():
         if not isinstance(entry, dict) or set(entry) != {"dtype", "shape", "data_offsets"}:
             raise ProtocolError("safetensors: tensor `%s` has an incomplete entry" % name)
@@ -292,16 +258,16 @@ def _layout(text: bytes, size: int) -> Tuple[List[Any], _Layout]:
             )
         if offsets[1] > size:
             raise ProtocolError("safetensors: tensor `%s` ends after the document" % name)
-        layout.append((name, dtype, shape, offsets[0], count))
-    layout.sort(key=lambda entry: (entry[3], entry[4]))
+        spans.append((offsets[0], offsets[1], name, dtype, shape))
+    spans.sort(key=lambda span: span[:2])
     end = 0
-    for name, dtype, _, first, count in layout:
+    for first, last, name, _, _ in spans:
         if first != end:
             raise ProtocolError("safetensors: gap or overlap before tensor `%s`" % name)
-        end = first + count * dtype.itemsize
+        end = last
     if end != size:
         raise ProtocolError("safetensors: %d bytes after the last tensor" % (size - end))
-    return metadata, layout
+    return metadata, [span[2:] for span in spans]
 
 
 def build_safetensors(metadata: Mapping[str, str], tensors: Mapping[str, Array]) -> List[Any]:
@@ -354,16 +320,12 @@ def read_frame(stream: IO[bytes], room: Optional[Mapping[str, Array]] = None) ->
     n = _fill(stream, prefix)
     if n == 0:
         return None
+    if n < 8:
+        raise ProtocolError(_CUT)
     length = int.from_bytes(prefix.tobytes(), "little")
-    if n == 8 and length > MAX_FRAME:
+    if length > MAX_FRAME:
         raise ProtocolError("a frame of %d bytes exceeds the limit of %d" % (length, MAX_FRAME))
-    if n == 8 and room is not None:
-        metadata, tensors = _read_into(stream, length, room)
-    else:
-        document = np.empty(length if n == 8 else 0, np.uint8)
-        if n < 8 or _fill(stream, document) < length:
-            raise ProtocolError(_CUT)
-        metadata, tensors = parse_safetensors(document)
+    metadata, tensors = read_safetensors(stream, length, room)
     for key in ("type", "protocol", "seq"):
         if key not in metadata:
             raise ProtocolError("a frame without `%s`: %r" % (key, metadata))
@@ -373,22 +335,38 @@ def read_frame(stream: IO[bytes], room: Optional[Mapping[str, Array]] = None) ->
 _CUT = "the stream ended within a frame"
 
 
-def _read_into(stream: IO[bytes], length: int, room: Mapping[str, Array]) -> _Frame:
-    """Reads a document of `length` bytes as `read_frame` does."""
-    prefix = np.empty(min(length, 8), np.uint8)
-    if _fill(stream, prefix) < len(prefix):
+def read_safetensors(
+    stream: IO[bytes], length: int, room: Optional[Mapping[str, Array]] = None
+) -> _Frame:
+    """Reads a safetensors document of `length` bytes: its metadata and its tensors.
+
+    `room` is as for `read_frame`. Raises ProtocolError unless the tensors have known types and fill
+    the document without gaps.
+    """
+    prefix = np.empty(8, np.uint8)
+    if length < 8:
+        raise ProtocolError("safetensors: %d bytes are too short for a header" % length)
+    if _fill(stream, prefix) < 8:
         raise ProtocolError(_CUT)
-    size = _header_length(prefix.data, length)
+    size = int.from_bytes(prefix.tobytes(), "little")
+    if size > min(length - 8, MAX_HEADER):
+        raise ProtocolError(
+            "safetensors: a header of %d bytes in a document of %d" % (size, length)
+        )
     text = np.empty(size, np.uint8)
     if _fill(stream, text) < size:
         raise ProtocolError(_CUT)
     metadata, layout = _header(text.tobytes(), length - 8 - size)
     tensors: Dict[str, Array] = {}
-    for name, dtype, shape, _, _ in layout:
-        array = room.get(name)
+    for name, dtype, shape in layout:
+        array = (room or {}).get(name)
         is_fit = array is not None and array.dtype == dtype and array.shape == tuple(shape)
         if array is None or not is_fit or not array.flags.c_contiguous:
-            array = np.empty(shape, dtype)
+            try:
+                array = np.empty(shape, dtype)
+            except ValueError as error:
+                text_of = "safetensors: tensor `%s` of shape %s: %s"
+                raise ProtocolError(text_of % (name, shape, error)) from None
         if _fill(stream, array) < array.nbytes:
             raise ProtocolError(_CUT)
         tensors[name] = array
@@ -1197,6 +1175,21 @@ class _UserError(Exception):
     """A value of the simulator that cannot be used."""
 
 
+def _array_of(returned: Any, place: str, expected: str) -> Array:
+    if returned is None:
+        raise _UserError("%s returned None, expected %s" % (place, expected))
+    try:
+        return as_array(returned)
+    except Exception as error:
+        text = "%s returned a %s that is no array: %s"
+        raise _UserError(text % (place, type(returned).__name__, error)) from error
+
+
+def _check_type(array: Array, place: str) -> None:
+    if array.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
+        raise _UserError("%s returned type %s, expected float64 or float32" % (place, array.dtype))
+
+
 class _Batch:
     """The open batch: its scenes, and all frames that were received."""
 
@@ -1241,25 +1234,17 @@ class _Batch:
         self.valid[:, :, self.frame + 1 : frame + 1] = valid
         self.lights[:, self.frame + 1 : frame + 1] = lights
         self.frame = frame
-        views = [
-            self.states[:, :, : frame + 1],
-            self.valid[:, :, : frame + 1],
-            self.lights[:, : frame + 1],
-        ]
-        for view in views:
+        views = {
+            "states": self.states[:, :, : frame + 1],
+            "valid": self.valid[:, :, : frame + 1],
+            "light_states": self.lights[:, : frame + 1],
+        }
+        for view in views.values():
             view.flags.writeable = False
         n_new = history + new if self.is_first else new
         self.is_first = False
         return Observation(
-            self.scenes,
-            frame,
-            steps,
-            n_new,
-            states=views[0],
-            valid=views[1],
-            light_states=views[2],
-            active=active,
-            av_next=av_next,
+            self.scenes, frame, steps, n_new, active=active, av_next=av_next, **views
         )
 
     def check(self, returned: Any, seen: Observation, place: str) -> Plan:
@@ -1271,26 +1256,13 @@ class _Batch:
         plan = returned if is_plan else Plan(returned)
         batch, agents = self.planned.shape
         expected = (batch, agents, seen.steps, 3)
-        if plan.states is None:
-            raise _UserError("%s returned None, expected an array of shape %s" % (place, expected))
-        try:
-            states = as_array(plan.states)
-        except Exception as error:
-            text = "%s returned a %s that is no array: %s" % (
-                place,
-                type(plan.states).__name__,
-                error,
-            )
-            raise _UserError(text) from error
+        states = _array_of(plan.states, place, "an array of shape %s" % (expected,))
         if states.shape != expected:
             raise _UserError(
                 "%s returned an array of shape %s, expected %s = (episodes, agents, steps, 3)"
                 % (place, states.shape, expected)
             )
-        if states.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
-            raise _UserError(
-                "%s returned type %s, expected float64 or float32" % (place, states.dtype)
-            )
+        _check_type(states, place)
         errors: Dict[int, str] = {int(k): str(v) for k, v in (plan.errors or {}).items()}
         for index in errors:
             if not 0 <= index < batch:
@@ -1331,11 +1303,11 @@ class _Drive:
     def check(self, returned: Any, steps: int, place: str) -> Dict[str, Array]:
         """Checks what `plan` returned, and returns the tensors of the answer."""
         most = most_poses(self.scene, self.batch.frame)
-        if not (hasattr(returned, "poses") and hasattr(returned, "present")):
-            return {"trajectory": self._poses(returned, steps, most, place)[None]}
-        answer = {"trajectory": self._poses(returned.poses, steps, most, place)[None]}
-        if returned.present is not None:
-            present = as_array(returned.present)
+        is_plan = hasattr(returned, "poses") and hasattr(returned, "present")
+        plan = returned if is_plan else Trajectory(returned)
+        answer = {"trajectory": self._poses(plan.poses, steps, most, place)[None]}
+        if plan.present is not None:
+            present = as_array(plan.present)
             if present.shape != (3,):
                 text = "%s returned a present pose of shape %s, expected (3,): x, y, heading"
                 raise _UserError(text % (place, present.shape))
@@ -1346,23 +1318,14 @@ class _Drive:
     def _poses(returned: Any, steps: int, most: int, place: str) -> Array:
         """Checks poses, and returns them as an array [P, 3]."""
         expected = "an array of shape [%d to %d, 3]" % (steps, most)
-        if returned is None:
-            raise _UserError("%s returned None, expected %s" % (place, expected))
-        try:
-            poses = as_array(returned)
-        except Exception as error:
-            text = "%s returned a %s that is no array: %s"
-            raise _UserError(text % (place, type(returned).__name__, error)) from error
+        poses = _array_of(returned, place, expected)
         is_shape = poses.ndim == 2 and poses.shape[1] == 3
         if not is_shape or not steps <= poses.shape[0] <= most:
             raise _UserError(
                 "%s returned an array of shape %s, expected %s: x, y, heading after each step"
                 % (place, poses.shape, expected)
             )
-        if poses.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
-            raise _UserError(
-                "%s returned type %s, expected float64 or float32" % (place, poses.dtype)
-            )
+        _check_type(poses, place)
         with np.errstate(invalid="ignore"):
             bad = ~(np.abs(poses) <= MAX_COORDINATE).all(axis=1)
         if bad.any():

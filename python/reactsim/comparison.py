@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 from .display import Markdown
 from .options import Options, PathLike, each, joined, paths
 from .program import arguments, invoke
-from .results import frame_of
+from .rows import frame_of
 
 __all__ = ["Comparison", "Comparisons", "MetricDifference", "compare"]
 
@@ -109,9 +109,6 @@ class Comparisons(Sequence[Comparison]):
         if not found:
             raise KeyError(index)
         return found[0]
-
-    def __iter__(self) -> Iterator[Comparison]:
-        return iter(self.pairs)
 
     def __repr__(self) -> str:
         return f"Comparisons({', '.join(f'{p.first} / {p.second}' for p in self.pairs)})"

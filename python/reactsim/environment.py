@@ -32,6 +32,7 @@ out of their bounds) and `speed` (m/s). NaN is unknown.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 import warnings
@@ -42,12 +43,12 @@ import numpy as np
 
 from .client import STEPS, Array, Session, as_array
 from .display import Gif
-from .options import PathLike, Sources, whole
+from .options import PathLike, Sources, several, texts, whole
 from .pictures import SavesMp4, drawing, save_drawing
 from .process import ProgramProcess, own_session
-from .program import ReactsimError, text_of
+from .program import ReactsimError
 from .scenarios import Scenario, reading_of
-from .scoring import RolloutScores, read_scores
+from .scoring import read_scores
 
 try:
     import gymnasium
@@ -123,14 +124,18 @@ class _Core:
         kinds = ("bicycle", "plan", "state")
         if action not in kinds:
             raise ValueError(f"`action` is {action!r}, expected one of {', '.join(kinds)}")
-        as_read: dict[str, Any] = {
-            "current_frame": current_frame,
-            "window_step": window_step,
-            "history": history,
-            "future": future,
-        }
-        reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
-        self.reward: Reward = REWARD if reward is None else reward
+        common = common_of(
+            scenarios,
+            ids,
+            limit,
+            scores,
+            metric_options,
+            current_frame=current_frame,
+            window_step=window_step,
+            history=history,
+            future=future,
+            all_agents=all_agents,
+        )
         self.action_space = action_space(action, poses)
         self.scale: Array | None = None
         if normalized:
@@ -144,10 +149,7 @@ class _Core:
         self.slices = [slice(*ends) for ends in zip(self.firsts, [*self.firsts[1:], batches])]
         """Episodes of each process."""
         traffic, sessions = traffic_of(simulator, batches, **rolled_out)
-        common = {
-            "reading": reading,
-            "ids": list(ids),
-            "limit": None if limit is None else whole("limit", limit),
+        common |= {
             "traffic": traffic,
             "action": {"plan": {"poses": poses}} if action == "plan" else action,
             "sizes": {
@@ -158,22 +160,20 @@ class _Core:
                 "lights": lights,
                 "route": route,
             },
-            "scores": scores,
-            "metric_options": {k: text_of(v) for k, v in (metric_options or {}).items()},
         }
-        conditions = [end_at] if isinstance(end_at, str) else list(end_at)
-        arguments = {"common": common, "every": every, "end_at": conditions}
+        arguments = {"common": common, "every": every, "end_at": several(end_at)}
         self.processes: list[ProgramProcess] = []
         try:
             for _ in self.firsts:
                 self.processes.append(ProgramProcess(sessions))
             description = self._all("environment", [arguments] * jobs)[0][0]
+            self.measures: list[str] = description["measures"]
+            self.reward = known_reward(REWARD if reward is None else reward, self.measures)
         except BaseException:
             self.close()
             raise
         self.scenarios: list[str] = description["scenarios"]
         warn_skipped(description, 4)
-        self.measures: list[str] = description["measures"]
         self.flags = [f"_{name}" for name in self.measures]
         """Names of the entries of `infos` that tell whose measures they are."""
         self.arrays: list[str] = [name for name, _ in description["arrays"]]
@@ -181,27 +181,10 @@ class _Core:
         self.room = _Room(batches, description["arrays"], len(self.measures))
         self.flat = flat
         self.observation_space = observation_space(description["arrays"], flat)
-        if not callable(self.reward):
-            unknown = set(self.reward) - set(self.measures)
-            if unknown:
-                self.close()
-                raise ValueError(
-                    f"`reward` has weights of {sorted(unknown)}, expected some of {self.measures}"
-                )
-
-    def index(self, scenario: Any) -> int:
-        """Returns the index of a scenario that is given by its id or its index."""
-        return index_of(scenario, self.scenarios)
 
     def episode(self, slot: int, generator: np.random.Generator, **chosen: Any) -> dict[str, int]:
         """Returns the next episode of a slot; what is not chosen is random."""
-        scenario, rollout = chosen.get("scenario"), chosen.get("rollout")
-        drawn = int(generator.integers(len(self.scenarios))), int(generator.integers(ROLLOUTS))
-        return {
-            "slot": slot,
-            "scenario": drawn[0] if scenario is None else self.index(scenario),
-            "rollout": drawn[1] if rollout is None else whole("rollout", rollout, most=MAX_ROLLOUT),
-        }
+        return {"slot": slot, **episode_of(self.scenarios, generator, **chosen)}
 
     def reset(self, episodes: list[dict[str, int]]) -> Any:
         """Begins episodes in all slots; returns the observations."""
@@ -234,7 +217,8 @@ class _Core:
         shares = self._shares(episodes)
         answers = self._all("begin", [{"episodes": own} if own else None for own in shares])
         parts = [arrays for _, arrays in answers if arrays]
-        return self._observed({name: _joined(parts, name) for name in self.arrays})
+        joined = {name: np.concatenate([part[name] for part in parts]) for name in self.arrays}
+        return self._observed(joined)
 
     def states(self, slot: int) -> Array:
         """Returns the realised states of a slot so far."""
@@ -255,9 +239,13 @@ class _Core:
 
     def _one(self, kind: str, slot: int, arguments: Mapping[str, Any]) -> dict[str, Array]:
         """Sends a request about a slot to its process."""
+        index, own = self._place(slot)
+        return self.processes[index].request(kind, {**arguments, "slot": own})[1]
+
+    def _place(self, slot: int) -> tuple[int, int]:
+        """Returns the index of the process of a slot, and the slot there."""
         index = sum(first <= slot for first in self.firsts[1:])
-        given = {**arguments, "slot": slot - self.firsts[index]}
-        return self.processes[index].request(kind, given)[1]
+        return index, slot - self.firsts[index]
 
     def _request(
         self, kind: str, arguments: Sequence[Mapping[str, Any]], tensors: Mapping[str, Array]
@@ -320,8 +308,8 @@ class _Core:
         """Returns the episodes of each process, with the slots there."""
         shares: list[list[dict[str, int]]] = [[] for _ in self.firsts]
         for episode in episodes:
-            index = sum(first <= episode["slot"] for first in self.firsts[1:])
-            shares[index].append({**episode, "slot": episode["slot"] - self.firsts[index]})
+            index, slot = self._place(episode["slot"])
+            shares[index].append({**episode, "slot": slot})
         return shares
 
     def _observed(self, arrays: Mapping[str, Array]) -> Any:
@@ -370,12 +358,6 @@ class _Room:
             name: np.ndarray(shape, dtype, block, offset)
             for name, shape, dtype, offset in self._layout
         }
-
-
-def _joined(answers: Sequence[Mapping[str, Array]], name: str) -> Array:
-    if len(answers) == 1:
-        return answers[0][name]
-    return np.concatenate([arrays[name] for arrays in answers])
 
 
 def _jobs(jobs: int | None, episodes: int, simulator: Any, action: str) -> int:
@@ -433,8 +415,8 @@ def traffic_of(
         "simulator": simulator,
         "batches": batches,
         "external_limit": external_limit,
-        "weights": {key: text_of(value) for key, value in (weights or {}).items()},
-        "parameters": {key: text_of(value) for key, value in (parameters or {}).items()},
+        "weights": texts(weights),
+        "parameters": texts(parameters),
         "replan": replan,
         "av_lookahead": av_lookahead,
         "seed": whole("seed", seed),
@@ -442,28 +424,60 @@ def traffic_of(
     return arguments, sessions
 
 
-def index_of(scenario: Any, ids: Sequence[str]) -> int:
-    """Returns the index of a scenario that is given by its id or its index."""
-    if not isinstance(scenario, str):
-        return whole("scenario", scenario, most=len(ids) - 1)
-    if scenario not in ids:
+def episode_of(
+    ids: Sequence[str], generator: np.random.Generator, scenario: Any = None, rollout: Any = None
+) -> dict[str, int]:
+    """Returns the indices of the scenario, given by its id or index, and of the rollout.
+
+    What is not given is random.
+    """
+    drawn = int(generator.integers(len(ids))), int(generator.integers(ROLLOUTS))
+    if scenario is None:
+        index = drawn[0]
+    elif not isinstance(scenario, str):
+        index = whole("scenario", scenario, most=len(ids) - 1)
+    elif scenario in ids:
+        index = ids.index(scenario)
+    else:
         raise ValueError(f"no scenario `{scenario}` in this environment")
-    return ids.index(scenario)
+    rollout = drawn[1] if rollout is None else whole("rollout", rollout, most=MAX_ROLLOUT)
+    return {"scenario": index, "rollout": rollout}
 
 
-def selected(
-    scenarios: Sources | Scenario, ids: Sequence[str], **as_read: Any
-) -> tuple[dict[str, Any], Sequence[str]]:
-    """Returns files of scenarios and how they are read, and the ids of the selected scenarios."""
-    if not isinstance(scenarios, Scenario):
-        return reading_of(scenarios, **as_read), ids
-    for name, value in {**as_read, "ids": ids}.items():
-        # An empty selection is an array or a list.
-        if value is not None and value is not False and (name != "ids" or len(value)):
-            raise ValueError(
-                f"`{name}` is given with a `Scenario`, which is read already: leave it out"
-            )
-    return scenarios.reading(), [scenarios.id]
+def common_of(
+    scenarios: Sources | Scenario,
+    ids: Sequence[str],
+    limit: int | None,
+    scores: bool,
+    metric_options: Mapping[str, Any] | None,
+    **as_read: Any,
+) -> dict[str, Any]:
+    """Returns the arguments that all environments have: scenarios, their selection, and scores."""
+    if isinstance(scenarios, Scenario):
+        for name, value in {**as_read, "ids": ids}.items():
+            # An empty selection is an array or a list.
+            if value is not None and value is not False and (name != "ids" or len(value)):
+                raise ValueError(
+                    f"`{name}` is given with a `Scenario`, which is read already: leave it out"
+                )
+        reading, ids = scenarios.reading(), [scenarios.id]
+    else:
+        reading = reading_of(scenarios, **as_read)
+    return {
+        "reading": reading,
+        "ids": list(ids),
+        "limit": None if limit is None else whole("limit", limit),
+        "scores": scores,
+        "metric_options": texts(metric_options),
+    }
+
+
+def known_reward(reward: Reward, measures: Sequence[str]) -> Reward:
+    """Returns the reward. Raises ValueError for weights of other measures."""
+    unknown = set() if callable(reward) else set(reward) - set(measures)
+    if unknown:
+        raise ValueError(f"`reward` has weights of {sorted(unknown)}, expected some of {measures}")
+    return reward
 
 
 def warn_skipped(description: Mapping[str, Any], level: int) -> None:
@@ -525,12 +539,7 @@ def end_info(end: Mapping[str, Any]) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     if "rows" in end:
         scores = read_scores(end["rows"], end["events"])
-        entries["scores"] = RolloutScores(
-            scores.metrics,
-            scores.rollouts[0].deviation,
-            scores.rollouts[0].outcomes,
-            scores.rollouts[0].events,
-        )
+        entries["scores"] = dataclasses.replace(scores.rollouts[0], metrics=scores.metrics)
     if "failure" in end:
         entries["failure"] = end["failure"]
     return entries
@@ -784,9 +793,9 @@ class VectorEnv(SavesMp4, gymnasium.vector.VectorEnv[dict[str, Array], Array, Ar
         unknown = set(chosen) - {"scenarios", "rollouts"}
         if unknown:
             raise ValueError(f"`options` has {sorted(unknown)}, expected `scenarios`, `rollouts`")
-        for name, several in chosen.items():
-            if len(several) != self.num_envs:
-                raise ValueError(f"`{name}` has {len(several)} entries, expected {self.num_envs}")
+        for name, entries in chosen.items():
+            if len(entries) != self.num_envs:
+                raise ValueError(f"`{name}` has {len(entries)} entries, expected {self.num_envs}")
         self._episodes = []
         none = [None] * self.num_envs
         episodes = [

@@ -8,20 +8,17 @@ import json
 import math
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Union
+from typing import Any, Union
 
 import numpy as np
 
 from .client import Array
 from .options import PathLike, Sources, paths
-from .program import ReactsimError, arguments, call, invoke
+from .program import ReactsimError, arguments, invoke
+from .rows import Event, Rollout, read_event
 from .scenarios import Scenario, scenarios
-from .scoring import Event, read_event
-
-if TYPE_CHECKING:
-    from .results import Results, Rollout
 
 __all__ = ["Case", "Metric", "add_metrics", "checked"]
 
@@ -134,7 +131,7 @@ def checked(metrics: Sequence[Metric]) -> list[Metric]:
     """
     if metrics and importlib.util.find_spec("pyarrow") is None:
         raise ImportError("metrics of your own need pyarrow: pip install 'reactsim[pandas]'")
-    taken = {line.split()[0] for line in call(["list", "metrics"]).splitlines() if line}
+    taken = {line.split()[0] for line in invoke(["list", "metrics"]).text.splitlines() if line}
     for metric in metrics:
         name = f"metric `{metric.id or type(metric).__name__}`"
         if not re.fullmatch(r"[a-z][a-z0-9-]{0,59}", metric.id):
@@ -162,24 +159,28 @@ def checked(metrics: Sequence[Metric]) -> list[Metric]:
 
 
 def add_metrics(
-    results: Results,
+    run: PathLike,
     metrics: Sequence[Metric],
     source: Sources = None,
     *,
-    deviations: PathLike | None = None,
+    rollouts: Iterator[Rollout],
+    events: Iterable[Mapping[str, Any]],
     **as_read: Any,
 ) -> None:
-    """Computes metrics for the kept rollouts of a run and adds them to its folder."""
+    """Computes metrics for the kept rollouts of a run and adds them to its folder.
+
+    `events` are those of the program; `as_read` is how the scenarios were read.
+    """
     metrics = checked(metrics)
-    events: dict[tuple[str, str, int], list[Event]] = {}
-    for line in results._lines("events.jsonl"):
+    counted: dict[tuple[str, str, int], list[Event]] = {}
+    for line in events:
         key = (line["scenario"], line["simulator"], line["rollout"])
-        events.setdefault(key, []).append(read_event(line))
+        counted.setdefault(key, []).append(read_event(line))
     scored = []
-    for scenario, rollout in _pairs(results, source, deviations=deviations, **as_read):
+    for scenario, rollout in _pairs(rollouts, source, **as_read):
         key = (scenario.id, rollout.simulator, rollout.rollout)
-        states = _states(scenario, rollout)
-        case = Case(scenario, rollout.simulator, rollout.rollout, states, events.get(key, []))
+        states, events_of = _states(scenario, rollout), counted.get(key, [])
+        case = Case(scenario, rollout.simulator, rollout.rollout, states, events_of)
         values, found = {}, []
         for metric in metrics:
             values[metric.id], own = _score(metric, case)
@@ -193,16 +194,16 @@ def add_metrics(
                 "events": [{**event._asdict(), "rollout": rollout.rollout} for event in found],
             }
         )
-    add_document(results, {"metrics": [_record(metric) for metric in metrics], "rollouts": scored})
+    add_document(run, {"metrics": [_record(metric) for metric in metrics], "rollouts": scored})
 
 
-def add_document(results: PathLike, document: dict[str, Any]) -> None:
+def add_document(run: PathLike, document: dict[str, Any]) -> None:
     """Adds metrics to a run folder: their descriptions, and the values and events of rollouts."""
     with tempfile.TemporaryDirectory(prefix="reactsim-") as folder:
         file = Path(folder, "metrics.json")
         file.write_text(json.dumps(document, allow_nan=False), "utf-8")
         given = [("--add-metrics", file), ("--quiet", True)]
-        invoke(["score", *arguments(given, paths(results))])
+        invoke(["score", *arguments(given, paths(run))])
 
 
 def _record(metric: Metric) -> dict[str, Any]:
@@ -217,9 +218,10 @@ def _record(metric: Metric) -> dict[str, Any]:
     }
 
 
-def _pairs(results: Results, source: Sources, **as_read: Any) -> Iterator[tuple[Scenario, Rollout]]:
+def _pairs(
+    rollouts: Iterator[Rollout], source: Sources, **as_read: Any
+) -> Iterator[tuple[Scenario, Rollout]]:
     """Iterates over the kept rollouts with their scenarios, which are in the same order."""
-    rollouts = results.rollouts()
     rollout = next(rollouts, None)
     sources: list[str | None] = [*paths(source)]
     for path in sources or [None]:

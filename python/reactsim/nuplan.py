@@ -10,6 +10,7 @@ The devkit is imported when `wrap` is called.
 from __future__ import annotations
 
 import copy
+import dataclasses
 import importlib
 import math
 import re
@@ -266,26 +267,22 @@ def _copied(planner: Any) -> Any:
         ) from error
 
 
+@dataclasses.dataclass
 class _Place:
     """Map, route and lights of a scene as a planner of the devkit receives them."""
 
-    def __init__(
-        self,
-        map_api: Any,
-        origin: tuple[float, float],
-        route: list[str],
-        goal: Any,
-        connectors: list[list[int]],
-    ) -> None:
-        self.map_api = map_api
-        self.origin = np.array(origin)
-        """Coordinates in the map of the origin of the scene, metres."""
+    map_api: Any
+    origin: tuple[float, float]
+    """Coordinates in the map of the origin of the scene, metres."""
+    route: list[str]
+    """Ids of roadblocks; the only one twice."""
+    goal: Any
+    connectors: list[list[int]]
+    """Ids of the connectors that each light of the scene controls."""
+
+    def __post_init__(self) -> None:
         # Routes of nuPlan have two roadblocks or more, which planners of the devkit assert.
-        self.route = route if len(route) > 1 else route * 2
-        """Ids of roadblocks; the only one twice."""
-        self.goal = goal
-        self.connectors = connectors
-        """Ids of the connectors that each light of the scene controls."""
+        self.route = self.route if len(self.route) > 1 else self.route * 2
 
 
 def _scene_place(devkit: SimpleNamespace, seen: PlannerObservation) -> _Place:

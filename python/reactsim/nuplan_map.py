@@ -41,17 +41,6 @@ STOP_LINE_WIDTH = 0.2  # metres: stop lines are recorded without width, and nuPl
 LANES, BLOCKS, STOP_LINES, INTERSECTIONS, CROSSWALKS, LINES = range(100_000, 700_000, 100_000)
 
 _LAYER = SemanticMapLayer
-_OBJECT_LAYERS = (
-    _LAYER.LANE,
-    _LAYER.LANE_CONNECTOR,
-    _LAYER.ROADBLOCK,
-    _LAYER.ROADBLOCK_CONNECTOR,
-    _LAYER.STOP_LINE,
-    _LAYER.CROSSWALK,
-    _LAYER.INTERSECTION,
-    _LAYER.WALKWAYS,
-    _LAYER.CARPARK_AREA,
-)
 _STOPS = {0: StopLineType.TRAFFIC_LIGHT, 1: StopLineType.STOP_SIGN, 2: StopLineType.YIELD}
 
 
@@ -329,13 +318,8 @@ class _Intersection(objects.Intersection):
 
     @cached_property
     def incoming_edges(self) -> list[Any]:
-        edges = [
-            e
-            for block in self.interior_edges
-            for own in block.interior_edges
-            for e in own.incoming_edges
-        ]
-        return list(dict.fromkeys(edges))
+        own = [e for block in self.interior_edges for e in block.interior_edges]
+        return list(dict.fromkeys(e for edge in own for e in edge.incoming_edges))
 
     @property
     def is_signaled(self) -> bool:
@@ -398,13 +382,13 @@ class SceneMap(AbstractMap):
                 self.stop_lines.append(_StopLine(len(self.stop_lines), kind, line.points, edge))
         junctions = [line.points for line in scene.junctions]
         walks = [line.points for line in scene.crosswalks]
-        edges = [(edge, isinstance(edge, objects.LaneConnector)) for edge in self.edges]
-        blocks = [(block, isinstance(block, _RoadBlockConnector)) for block in self.blocks]
+        lanes, connectors = _divided(self.edges, _Connector)
+        blocks, block_connectors = _divided(self.blocks, _RoadBlockConnector)
         self.layers: dict[Any, list[Any]] = {
-            _LAYER.LANE: [edge for edge, is_connector in edges if not is_connector],
-            _LAYER.LANE_CONNECTOR: [edge for edge, is_connector in edges if is_connector],
-            _LAYER.ROADBLOCK: [block for block, is_connector in blocks if not is_connector],
-            _LAYER.ROADBLOCK_CONNECTOR: [block for block, is_connector in blocks if is_connector],
+            _LAYER.LANE: lanes,
+            _LAYER.LANE_CONNECTOR: connectors,
+            _LAYER.ROADBLOCK: blocks,
+            _LAYER.ROADBLOCK_CONNECTOR: block_connectors,
             _LAYER.STOP_LINE: self.stop_lines,
             _LAYER.CROSSWALK: [_Crosswalk(k, points) for k, points in enumerate(walks)],
             _LAYER.INTERSECTION: [_Intersection(k, p, self) for k, p in enumerate(junctions)],
@@ -442,7 +426,7 @@ class SceneMap(AbstractMap):
 
     def get_available_map_objects(self) -> list[Any]:
         """Returns the layers whose objects can be queried."""
-        return list(_OBJECT_LAYERS)
+        return list(self.layers)
 
     def get_available_raster_layers(self) -> list[Any]:
         """Returns an empty list: scenes have no raster layers."""
@@ -493,7 +477,7 @@ class SceneMap(AbstractMap):
         self, point: Any, radius: float, layers: Sequence[Any]
     ) -> dict[Any, list[Any]]:
         """Returns the objects of layers that intersect the square of half side `radius`, metres."""
-        missing = [layer for layer in layers if layer not in _OBJECT_LAYERS]
+        missing = [layer for layer in layers if layer not in self.layers]
         assert not missing, f"Object representation for layer(s): {missing} is unavailable"
         square = shapely.box(point.x - radius, point.y - radius, point.x + radius, point.y + radius)
         found = {}
@@ -564,6 +548,12 @@ class SceneMap(AbstractMap):
                 " edges; pass the maps of nuPlan as `maps`, or use the polygons of lanes"
             )
         return [Polygon(outer, holes) for outer, *holes in rings]
+
+
+def _divided(found: list[Any], kind: type) -> tuple[list[Any], list[Any]]:
+    """Returns the objects that are not of a kind, and those that are."""
+    others = [one for one in found if not isinstance(one, kind)]
+    return others, [one for one in found if isinstance(one, kind)]
 
 
 def _side_of(outline: Array, line: Line, sign: float) -> Array:

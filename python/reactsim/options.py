@@ -9,7 +9,7 @@ from typing import Any, Union
 
 import numpy as np
 
-from .program import text_of
+from .program import PathLike, text_of
 
 __all__ = [
     "Options",
@@ -22,10 +22,10 @@ __all__ = [
     "reading",
     "selection",
     "settings",
+    "several",
+    "texts",
     "whole",
 ]
-
-PathLike = Union[str, "os.PathLike[str]"]
 
 Sources = Union[PathLike, Sequence[PathLike], None]
 """A file, folder or URL of scenarios, or several; None for the shipped benchmark."""
@@ -36,17 +36,17 @@ Options = list[tuple[str, Any]]
 
 def paths(sources: Sources) -> list[str]:
     """Returns the paths of scenarios: none for the shipped benchmark."""
-    if sources is None:
-        return []
-    if isinstance(sources, (str, os.PathLike)):
-        return [os.fspath(sources)]
-    return [os.fspath(path) for path in sources]
+    return [] if sources is None else [os.fspath(path) for path in several(sources)]
+
+
+def several(values: Any) -> list[Any]:
+    """Returns values, of which a single text or path is one."""
+    return [values] if isinstance(values, (str, os.PathLike)) else list(values)
 
 
 def each(name: str, values: Any) -> Options:
     """Returns an option for each value; a single text or path is one value."""
-    several = [values] if isinstance(values, (str, os.PathLike)) else values
-    return [(name, value) for value in several]
+    return [(name, value) for value in several(values)]
 
 
 def joined(values: str | Sequence[Any]) -> str | None:
@@ -55,9 +55,14 @@ def joined(values: str | Sequence[Any]) -> str | None:
     return text or None
 
 
-def settings(name: str, values: Mapping[str, Any]) -> Options:
+def texts(values: Mapping[str, Any] | None) -> dict[str, str]:
+    """Returns values by their names as the program reads them; None is no values."""
+    return {name: text_of(value) for name, value in (values or {}).items()}
+
+
+def settings(name: str, values: Mapping[str, Any] | None) -> Options:
     """Returns an option NAME=KEY=VALUE for each key."""
-    return [(name, f"{key}={text_of(value)}") for key, value in values.items()]
+    return [(name, f"{key}={value}") for key, value in texts(values).items()]
 
 
 def of_keywords(keywords: Mapping[str, Any]) -> Options:

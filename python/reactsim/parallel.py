@@ -22,18 +22,17 @@ import numpy as np
 from .client import Array
 from .display import Gif
 from .environment import (
-    MAX_ROLLOUT,
     RENDER_FPS,
-    ROLLOUTS,
     Reward,
     action_space,
     check_names,
     check_render_mode,
     checked,
+    common_of,
     end_info,
-    index_of,
+    episode_of,
+    known_reward,
     observation_space,
-    selected,
     traffic_of,
     warn_skipped,
     weighted,
@@ -150,24 +149,21 @@ class ParallelEnv(SavesMp4, pettingzoo.ParallelEnv[str, dict[str, Array], Array]
         traffic, sessions = None, None
         if simulator is not None:
             traffic, sessions = traffic_of(simulator, 1, **rolled_out)
-        as_read: dict[str, Any] = {
-            "current_frame": current_frame,
-            "window_step": window_step,
-            "history": history,
-            "future": future,
-        }
-        reading, ids = selected(scenarios, ids, **as_read, all_agents=all_agents)
+        common = common_of(
+            scenarios,
+            ids,
+            limit,
+            scores,
+            metric_options,
+            current_frame=current_frame,
+            window_step=window_step,
+            history=history,
+            future=future,
+            all_agents=all_agents,
+        )
         sizes = {"agents": agents, "frames": frames, "lanes": lanes, "points": points}
-        common = {
-            "reading": reading,
-            "ids": list(ids),
-            "limit": None if limit is None else whole("limit", limit),
-            "traffic": traffic,
-            "action": action,
-            "sizes": {**sizes, "lights": lights, "route": 0},
-            "scores": scores,
-            "metric_options": {k: text_of(v) for k, v in (metric_options or {}).items()},
-        }
+        sizes |= {"lights": lights, "route": 0}
+        common |= {"traffic": traffic, "action": action, "sizes": sizes}
         arguments = {
             "common": common,
             "av": av,
@@ -177,23 +173,17 @@ class ParallelEnv(SavesMp4, pettingzoo.ParallelEnv[str, dict[str, Array], Array]
         self._process = ProgramProcess(sessions)
         try:
             description, _ = self._process.request("world", arguments)
+            self._measures: list[str] = description["measures"]
+            self._reward = known_reward(AGENT_REWARD if reward is None else reward, self._measures)
         except BaseException:
             self._process.close()
             raise
         self._scenarios: list[str] = description["scenarios"]
         warn_skipped(description, 3)
-        self._measures: list[str] = description["measures"]
         shapes = [(name, shape) for name, shape in description["arrays"] if name != "route"]
         self._arrays: list[str] = [name for name, _ in shapes]
         self._observation_space = observation_space(shapes)
         self._action_space = action_space(action, 0)
-        self._reward: Reward = AGENT_REWARD if reward is None else reward
-        if not callable(self._reward) and set(self._reward) - set(self._measures):
-            self._process.close()
-            unknown = sorted(set(self._reward) - set(self._measures))
-            raise ValueError(
-                f"`reward` has weights of {unknown}, expected some of {self._measures}"
-            )
         self.possible_agents = [f"agent_{k + 1}" for k in range(description["agents"])]
         self.agents: list[str] = []
         self._ids: list[str] = []
@@ -239,12 +229,8 @@ class ParallelEnv(SavesMp4, pettingzoo.ParallelEnv[str, dict[str, Array], Array]
         if seed is not None:
             self._generator = np.random.default_rng(seed)
         # Other options are ignored: the tests of pettingzoo give some.
-        chosen = dict(options or {})
-        drawn = int(self._generator.integers(len(self._scenarios)))
-        scenario = index_of(chosen.get("scenario", drawn), self._scenarios)
-        rollout = chosen.get("rollout", int(self._generator.integers(ROLLOUTS)))
-        rollout = whole("rollout", rollout, most=MAX_ROLLOUT)
-        given = {"scenario": scenario, "rollout": rollout}
+        chosen = {k: v for k, v in (options or {}).items() if k in ("scenario", "rollout")}
+        given = episode_of(self._scenarios, self._generator, **chosen)
         self.agents = []
         self._ids, arrays = self._process.request("world-reset", given)
         self.agents = self.possible_agents[: len(self._ids)]

@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 
 from .client import Array, Kind, Scene
-from .results import Rollout
+from .rows import Rollout
 
 __all__ = ["plot_rollout", "plot_scene"]
 
 AV_COLOR = "#e8710a"
-AGENT_COLORS = {Kind.VEHICLE: "#4a7ab5", Kind.PEDESTRIAN: "#8e44ad", Kind.CYCLIST: "#2e8b57"}
+AGENT_COLORS: dict[int, str] = {
+    Kind.VEHICLE: "#4a7ab5",
+    Kind.PEDESTRIAN: "#8e44ad",
+    Kind.CYCLIST: "#2e8b57",
+}
 LINE_COLORS = {"centre": "#dddddd", "edge": "#555555", "paint": "#c9c9c9", "stop": "#c0392b"}
 
 
@@ -64,15 +68,8 @@ def plot_rollout(
             f"states of shape {states.shape} do not fit {scene.n_agents} agents and step {step}"
         )
     ax = _prepare(scene, ax, radius)
-    for agent in range(scene.n_agents):
-        ax.plot(
-            states[agent, :, 0],
-            states[agent, :, 1],
-            color=_color(scene, agent),
-            lw=1,
-            alpha=0.6,
-            zorder=3,
-        )
+    for agent, (x, y) in enumerate(np.moveaxis(states[..., :2], -1, 1)):
+        ax.plot(x, y, color=_color(scene, agent), lw=1, alpha=0.6, zorder=3)
     now = states[:, step - 1]
     _boxes(ax, scene, now, np.isfinite(now[:, :3]).all(axis=1))
     return ax
@@ -116,10 +113,5 @@ def _boxes(ax: Any, scene: Scene, states: Array, valid: Array) -> None:
         ax.add_patch(Polygon(corners, closed=True, color=_color(scene, agent), lw=0, zorder=4))
 
 
-def _color(scene: Scene, agent: int) -> str | None:
-    kind = int(scene.kinds[agent])
-    return (
-        AV_COLOR
-        if agent == 0
-        else AGENT_COLORS.get(Kind(kind) if kind in (0, 1, 2) else Kind.OTHER, "#777777")
-    )
+def _color(scene: Scene, agent: int) -> str:
+    return AV_COLOR if agent == 0 else AGENT_COLORS.get(int(scene.kinds[agent]), "#777777")

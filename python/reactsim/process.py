@@ -23,8 +23,6 @@ from .program import (
     Output,
     ReactsimError,
     find_program,
-    finished,
-    interrupt,
     invoke,
     pass_on,
     start,
@@ -100,21 +98,9 @@ def attend(
     """
     if not sessions:
         return invoke(command, codes=codes, show=show)
-    program = start(
-        [find_program(), *command],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        # An interrupt reaches this process alone, which passes it on.
-        start_new_session=True,
-    )
-    requests, answers, errors = (
-        cast("IO[bytes]", stream) for stream in (program.stdout, program.stdin, program.stderr)
-    )
-    last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
-    messages = threading.Thread(target=pass_on, args=(errors, last, show), daemon=True)
-    messages.start()
-    try:
+
+    def answer(program: subprocess.Popen[bytes], last: collections.deque[str]) -> None:
+        requests, answers = cast("IO[bytes]", program.stdout), cast("IO[bytes]", program.stdin)
         try:
             programs, frame, more = _Programs(sessions), read_frame(requests), True
             while frame is not None and more:
@@ -126,24 +112,10 @@ def attend(
         except ProtocolError as error:
             program.kill()
             last.append(f"error: {error}")
-        _close(answers)
         # After the last `bye` the program writes its tables and ends.
-        data = requests.read()
-        code = program.wait()
-        messages.join(5.0)
-    except BaseException:
-        interrupt(program)
-        raise
-    finally:
         _close(answers)
-        if program.poll() is None:
-            program.kill()
-            program.wait()
-        messages.join(5.0)
-        if not messages.is_alive():
-            _close(errors)
-        _close(requests)
-    return finished(command, code, data, list(last), codes)
+
+    return invoke(command, codes=codes, show=show, answer=answer)
 
 
 def _close(stream: IO[bytes]) -> None:
@@ -178,7 +150,7 @@ class ProgramProcess:
         _enlarge(self._answers)
         self._last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
         self._messages = threading.Thread(
-            target=_drain, args=(errors, self._last), daemon=True, name="reactsim session"
+            target=pass_on, args=(errors, self._last, False), daemon=True, name="reactsim session"
         )
         self._messages.start()
         self._owner = os.getpid()
@@ -347,8 +319,3 @@ def _end(program: subprocess.Popen[bytes], owner: int) -> None:
         program.kill()
         program.wait()
     cast("IO[bytes]", program.stdout).close()
-
-
-def _drain(errors: IO[bytes], last: collections.deque[str]) -> None:
-    with errors:
-        pass_on(errors, last, False)

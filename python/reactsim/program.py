@@ -15,7 +15,7 @@ import sys
 import sysconfig
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, Any, NamedTuple, Union, cast
 
@@ -25,12 +25,10 @@ __all__ = [
     "CHECK",
     "LAST_LINES",
     "Output",
+    "PathLike",
     "ReactsimError",
     "arguments",
-    "call",
     "find_program",
-    "finished",
-    "interrupt",
     "invoke",
     "local_folder",
     "pass_on",
@@ -46,6 +44,7 @@ CHECK = "check that REACTSIM_BINARY, or `reactsim` in PATH, is the program of th
 
 LAST_LINES = 30  # lines of standard error in a message
 PAGE_HEIGHT = 800  # height of a page in a notebook, CSS pixels
+MESSAGES_LIMIT = 5.0  # seconds after the end of the program in which its messages arrive
 INTERRUPT_LIMIT = 30.0  # seconds that the program has after an interrupt to write what is finished
 
 
@@ -180,6 +179,7 @@ def invoke(
     *,
     codes: Sequence[int] = (0,),
     show: bool = False,
+    answer: Callable[[subprocess.Popen[bytes], collections.deque[str]], None] | None = None,
 ) -> Output:
     """Runs a command of the program to its end. All functions of the package call it through this.
 
@@ -189,6 +189,8 @@ def invoke(
         command: Arguments of the program, such as `["compare", *arguments(options, runs)]`.
         codes: Exit codes that are no failure.
         show: Copy the messages of the program to standard error.
+        answer: Converses with the process over its standard input and output, and can add to its
+            last messages, before the rest of the output is read. The input is empty by default.
 
     Raises:
         ReactsimError: The program could not be started, or ended with another code; the message has
@@ -197,17 +199,19 @@ def invoke(
     """
     program = start(
         [find_program(), *command],
+        stdin=subprocess.DEVNULL if answer is None else subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         # An interrupt reaches only this process, which passes it on.
         start_new_session=True,
     )
     last: collections.deque[str] = collections.deque(maxlen=LAST_LINES)
-    output, errors = (cast("IO[bytes]", stream) for stream in (program.stdout, program.stderr))
-    with output, errors:
-        messages = threading.Thread(target=pass_on, args=(errors, last, show), daemon=True)
-        messages.start()
+    messages = threading.Thread(target=pass_on, args=(program.stderr, last, show), daemon=True)
+    messages.start()
+    with cast("IO[bytes]", program.stdout) as output:
         try:
+            if answer is not None:
+                answer(program, last)
             data = output.read()
             code = program.wait()
         except BaseException:
@@ -217,18 +221,11 @@ def invoke(
             if program.poll() is None:
                 program.kill()
                 program.wait()
-            messages.join()
-    return finished(command, code, data, list(last), codes)
-
-
-def finished(
-    command: Sequence[str], code: int, data: bytes, messages: list[str], codes: Sequence[int]
-) -> Output:
-    """Returns what a command wrote. Raises ReactsimError for a code that is not in `codes`."""
+            messages.join(MESSAGES_LIMIT)
     if code not in codes:
-        text = "\n".join(messages).strip() or CHECK
+        text = "\n".join(last).strip() or CHECK
         raise ReactsimError(f"`reactsim {shlex.join(command)}` ended with code {code}:\n{text}")
-    return Output(code, data.decode("utf-8", "replace"), messages, _path_of(command))
+    return Output(code, data.decode("utf-8", "replace"), list(last), _path_of(command))
 
 
 def _path_of(command: Sequence[str]) -> Path | None:
@@ -238,14 +235,6 @@ def _path_of(command: Sequence[str]) -> Path | None:
         if word == "--":
             break
     return None
-
-
-def call(command: Sequence[str]) -> str:
-    """Runs a command of the program and returns its standard output.
-
-    Raises ReactsimError with the last lines of the program if it fails.
-    """
-    return invoke(command).text
 
 
 def produce(command: Sequence[str], out: PathLike, *, show: bool) -> Output:
@@ -274,9 +263,10 @@ def interrupt(program: subprocess.Popen[bytes]) -> None:
 
 
 def pass_on(stream: IO[bytes], last: collections.deque[str], show: bool) -> None:
-    """Copies the messages of the program to standard error and keeps the last ones."""
-    for line in stream:
-        text = line.decode("utf-8", "replace").rstrip()
-        last.append(text)
-        if show:
-            print(text, file=sys.stderr, flush=True)
+    """Keeps the last messages of the program, and copies all to standard error if `show`."""
+    with stream:
+        for line in stream:
+            text = line.decode("utf-8", "replace").rstrip()
+            last.append(text)
+            if show:
+                print(text, file=sys.stderr, flush=True)

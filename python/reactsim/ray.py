@@ -24,13 +24,12 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from pathlib import Path
-from typing import NamedTuple, Union
+from typing import NamedTuple
 
-from .program import ReactsimError, find_program, invoke, local_folder
+from .program import PathLike, ReactsimError, find_program, invoke, local_folder
 
 __all__ = ["main", "run_partitions"]
 
-PathLike = Union[str, "os.PathLike[str]"]
 Submit = Callable[[int], "futures.Future[str]"]  # starts a partition by its number
 
 RECORD = "partition.json"  # last file of a finished partition

@@ -2,55 +2,22 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
-import numpy as np
-
-from .client import HISTORY, Array
+from .client import HISTORY
+from .comparison import Comparisons, compare
 from .display import Gif, Markdown, Svg
+from .metric import Metric, add_metrics
 from .options import PathLike, Sources
 from .pictures import picture
 from .program import local_folder
+from .rows import Rollout, flat, flat_row, frame_of, read_rollout
+from .wosac import WosacScores, score_run
 
-if TYPE_CHECKING:
-    from .comparison import Comparisons
-    from .metric import Metric
-    from .wosac import WosacScores
-
-__all__ = ["Results", "Rollout", "frame_of", "value_of"]
-
-
-class Rollout(NamedTuple):
-    """Realised tracks of one scenario: all its steps, 80 in the benchmark, and n agents.
-
-    Attributes:
-        scenario: Id of the scenario.
-        simulator: Id of the simulator.
-        rollout: Index of the rollout.
-        agents: Ids of the agents.
-        states: States, f64 [n, steps, 5]: x, y, heading, vx, vy in the local frame, in metres,
-            radians and m/s; NaN where absent or unknown.
-        origin: World coordinates of the local origin, metres; NaN if unknown.
-        n_history: Number of frames before the first step, 11 in the benchmark.
-
-    """
-
-    scenario: str
-    simulator: str
-    rollout: int
-    agents: list[str]
-    states: Array
-    origin: tuple[float, float]
-    n_history: int = HISTORY
-
-    @property
-    def frames(self) -> range:
-        """Frames of the states: 11 to 90 in the benchmark."""
-        return range(self.n_history, self.n_history + self.states.shape[1])
+__all__ = ["Results", "Rollout"]
 
 
 class Results:
@@ -130,7 +97,7 @@ class Results:
         Rows without a rollout have the metrics over all rollouts of a scenario. A metric is missing
         where nothing could be judged.
         """
-        return frame_of([_flat_row(row) for row in self._lines("rows.jsonl")])
+        return frame_of([flat_row(row) for row in self._lines("rows.jsonl")])
 
     @cached_property
     def events(self) -> Any:
@@ -138,7 +105,7 @@ class Results:
 
         Values at the event have the prefix `value_`.
         """
-        return frame_of([_flat(line, {"values": "value_"}) for line in self._lines("events.jsonl")])
+        return frame_of([flat(line, {"values": "value_"}) for line in self._lines("events.jsonl")])
 
     @cached_property
     def failures(self) -> Any:
@@ -170,8 +137,7 @@ class Results:
                     if simulator not in (None, row["simulator"]):
                         continue
                     if scenario in (None, row["scenario_id"]):
-                        history = histories.get(row["scenario_id"], HISTORY)
-                        yield _rollout(row)._replace(n_history=history)
+                        yield read_rollout(row, histories.get(row["scenario_id"], HISTORY))
 
     def svg(
         self, scenario: str, simulator: str, *, source: PathLike | None = None, step: int = 40
@@ -241,12 +207,12 @@ class Results:
                 the message names metric, scenario and simulator. The folder is left unchanged.
 
         """
-        from .metric import add_metrics
-
         add_metrics(
             self,
             metrics,
             scenarios,
+            rollouts=self.rollouts(),
+            events=self._lines("events.jsonl"),
             deviations=deviations,
             current_frame=current_frame,
             window_step=window_step,
@@ -259,8 +225,6 @@ class Results:
 
     def compare(self, other: PathLike, **options: Any) -> Comparisons:
         """Compares the run with a second one; the arguments are those of `compare`."""
-        from .comparison import compare
-
         return compare(self, other, **options)
 
     def wosac(self, scenarios: Sources = None, **options: Any) -> WosacScores:
@@ -268,8 +232,6 @@ class Results:
 
         The arguments are those of `reactsim.wosac.score_run`.
         """
-        from .wosac import score_run
-
         return score_run(self, scenarios, **options)
 
     def _text(self, name: str) -> str:
@@ -282,64 +244,3 @@ class Results:
         lines = self._text(name).split("\n")
         # A last line without a line end was truncated by an interruption.
         return [json.loads(line) for line in lines[:-1] if line]
-
-
-def _rollout(row: dict[str, Any]) -> Rollout:
-    columns: list[Array] = []
-    for name in ("x", "y", "heading", "vx", "vy"):
-        values = row.get(name)
-        if values is None:
-            columns.append(np.full_like(columns[0], np.nan))
-        else:
-            columns.append(np.array(values, dtype=float).reshape(len(values), -1))
-    origin = (row.get("origin_x"), row.get("origin_y"))
-    x, y = (float("nan") if value is None else float(value) for value in origin)
-    states = np.stack(columns, axis=-1)
-    return Rollout(
-        row["scenario_id"],
-        row["simulator"],
-        row.get("rollout") or 0,
-        row["agent_id"],
-        states,
-        (x, y),
-    )
-
-
-def value_of(metric: dict[str, Any] | None) -> float | None:
-    """Returns the number of a metric, which is stored with its components."""
-    if metric is None:
-        return None
-    ((kind, value),) = metric.items()
-    if kind in ("rate", "mean"):
-        return value[0] / value[1] if value[1] else None
-    return float(value)
-
-
-def _flat(line: dict[str, Any], prefixes: dict[str, str]) -> dict[str, Any]:
-    """Moves the entries of nested objects to the line."""
-    flat = {key: value for key, value in line.items() if key not in prefixes}
-    for key, prefix in prefixes.items():
-        flat.update({prefix + name: value for name, value in (line.get(key) or {}).items()})
-    return flat
-
-
-def _flat_row(row: dict[str, Any]) -> dict[str, Any]:
-    metrics = {name: value_of(value) for name, value in row["metrics"].items()}
-    notes = {name: note["count"] for name, note in row.get("notes", {}).items()}
-    prefixes = {"metrics": "", "deviation": "deviation_", "outcomes": "outcome_", "notes": "note_"}
-    prefixes["length"] = "length_"
-    return _flat({**row, "metrics": metrics, "notes": notes}, prefixes)
-
-
-def frame_of(lines: list[dict[str, Any]], columns: list[str] | None = None) -> Any:
-    """Returns a pandas data frame if pandas is installed, else the lines."""
-    if importlib.util.find_spec("pandas") is None:
-        return lines
-    import pandas
-
-    if columns is None:
-        columns = list(dict.fromkeys(key for line in lines for key in line))
-    frame = pandas.DataFrame(lines, columns=columns)
-    if "rollout" in frame:
-        frame["rollout"] = frame["rollout"].astype("Int64")
-    return frame

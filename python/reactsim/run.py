@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import sys
@@ -11,18 +12,16 @@ import warnings
 import weakref
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Union, cast
+from typing import Any
 
 from .client import Session, is_served, serve
 from .metric import Metric, checked
-from .options import paths, reading, selection
+from .options import PathLike, joined, paths, reading, selection
 from .process import attend, first_errors, own_session
 from .program import CHECK, ReactsimError, arguments, find_program, local_folder
 from .results import Results
 
 __all__ = ["run"]
-
-PathLike = Union[str, "os.PathLike[str]"]
 
 
 def run(
@@ -153,11 +152,15 @@ def run(
         if role == "planner":
             av = f"planner:external:{title},tracker={tracker},every={plan_every}"
     program = find_program()
-    temporary = tempfile.mkdtemp(prefix="reactsim-") if out is None else None
-    folder = Path(temporary, "run") if temporary is not None else local_folder(cast(PathLike, out))
-    models = baselines if isinstance(baselines, str) else ",".join(baselines)
+    cleanup = contextlib.ExitStack()
+    if out is None:
+        temporary = tempfile.mkdtemp(prefix="reactsim-")
+        cleanup.callback(shutil.rmtree, temporary, ignore_errors=True)
+        folder = Path(temporary, "run")
+    else:
+        folder = local_folder(out)
     options_given = [
-        ("--models", models or None),
+        ("--models", joined(baselines)),
         *programs,
         ("--out", folder),
         ("--keep-rollouts", True),
@@ -175,26 +178,18 @@ def run(
         ("--reveal-ids", reveal_ids),
     ]
     command = ["run", *arguments(options_given, paths(scenarios), options)]
-    try:
+    with cleanup:
         output = attend(command, sessions, codes=range(-256, 256), show=progress)
-        code, last = output.code, output.messages
-        if code in (0, 1) and not (folder / "provenance.json").is_file():
+        error = first_errors(sessions.values())
+        if output.code not in (0, 1):
+            text = "\n".join(output.messages)
+            raise ReactsimError(f"`reactsim run` ended with code {output.code}:\n{text}{error}")
+        if not (folder / "provenance.json").is_file():
             raise ReactsimError(f"`{program}` ended without any result; {CHECK}")
-        results = Results(folder) if code in (0, 1) else None
-    except BaseException:
-        if temporary is not None:
-            shutil.rmtree(temporary, ignore_errors=True)
-        raise
-    error = first_errors(sessions.values())
-    if temporary is not None and results is not None:
-        # The folder lives as long as the results.
-        weakref.finalize(results, shutil.rmtree, temporary, ignore_errors=True)
-    elif temporary is not None:
-        shutil.rmtree(temporary, ignore_errors=True)
-    if results is None:
-        text = "\n".join(last)
-        raise ReactsimError(f"`reactsim run` ended with code {code}:\n{text}{error}")
-    if code == 1:
+        results = Results(folder)
+        # A temporary folder lives as long as the results.
+        weakref.finalize(results, cleanup.pop_all().close)
+    if output.code == 1:
         warnings.warn(
             f"{len(results.failures)} scenarios failed, see `failures`{error}", stacklevel=2
         )

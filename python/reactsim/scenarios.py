@@ -94,23 +94,17 @@ class Scenario(Scene):
     @property
     def states(self) -> Array:
         """Logged states at all frames, f64 [n, n_history + n_steps, 5], as `future`."""
-        if self.future is None:
-            raise ValueError("read the scenario with `future=True`")
-        return np.concatenate([self.history, self.future], axis=1)
+        return _whole(self.history, self.future)
 
     @property
     def present(self) -> Array:
         """Whether each agent is present at each frame, bool [n, n_history + n_steps]."""
-        if self.future_valid is None:
-            raise ValueError("read the scenario with `future=True`")
-        return np.concatenate([self.valid, self.future_valid], axis=1)
+        return _whole(self.valid, self.future_valid)
 
     @property
     def heights(self) -> Array:
         """Heights of the bottoms of agents at all frames, f64 [n, n_history + n_steps], metres."""
-        if self.future_heights is None:
-            raise ValueError("read the scenario with `future=True`")
-        return np.concatenate([self.history_heights, self.future_heights], axis=1)
+        return _whole(self.history_heights, self.future_heights)
 
     def svg(
         self,
@@ -162,12 +156,15 @@ class Scenario(Scene):
         return str(self.svg())
 
 
+def _whole(history: Array, future: Array | None) -> Array:
+    if future is None:
+        raise ValueError("read the scenario with `future=True`")
+    return np.concatenate([history, future], axis=1)
+
+
 def reading_of(source: Sources, **as_read: Any) -> dict[str, Any]:
     """Returns files of scenarios and how they are read, as arguments of a request."""
-    return {
-        "paths": [_absolute(path) for path in paths(source)],
-        **as_read,
-    }
+    return {"paths": [_absolute(path) for path in paths(source)], **as_read}
 
 
 def scenarios(
@@ -206,30 +203,28 @@ def scenarios(
         ReactsimError: The program could not be started, or failed; the message is its own.
 
     """
-    length = None if isinstance(future, bool) else future
-    as_read = {
+    as_read: dict[str, Any] = {
         "current_frame": current_frame,
         "window_step": window_step,
         "history": history,
-        "future": length,
+        "future": None if isinstance(future, bool) else future,
         "all_agents": all_agents,
     }
     given = [
         ("--deviations", deviations),
         ("--limit", limit),
         *selection(ids, categories),
-        *reading(current_frame, window_step, history, length, all_agents),
+        *reading(**as_read),
         ("--with-future", future is not False),
     ]
     command = [find_program(), "export", "scenes", *arguments(given, paths(source))]
-    given_as = (None if source is None else os.fspath(source), as_read)
-    return _read(
-        command, *given_as, None if deviations is None else _absolute(os.fspath(deviations))
-    )
+    path = None if source is None else os.fspath(source)
+    return _read(command, path, as_read, None if deviations is None else _absolute(deviations))
 
 
-def _absolute(path: str) -> str:
-    return path if "://" in path else os.path.abspath(path)
+def _absolute(path: PathLike) -> str:
+    text = os.fspath(path)
+    return text if "://" in text else os.path.abspath(text)
 
 
 def _read(

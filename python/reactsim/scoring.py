@@ -5,15 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from .client import Array, as_array
-from .options import PathLike, each, paths, reading, settings
+from .options import PathLike, each, paths, reading, settings, several, texts
 from .process import shared_request
-from .program import arguments, produce, text_of
-from .results import Results, value_of
+from .program import arguments, produce
+from .results import Results
+from .rows import Event, read_event, value_of
 from .scenarios import Scenario
 
 __all__ = ["Event", "RolloutScores", "StatesScores", "score", "score_states"]
@@ -67,7 +68,7 @@ def score(
         ("--deviations", deviations),
         *each("--allow", allow),
         ("--pose", pose),
-        *settings("--metric-option", metric_options or {}),
+        *settings("--metric-option", metric_options),
         *reading(current_frame, window_step, history, future, all_agents),
         ("--out", out),
         ("--jobs", jobs),
@@ -75,31 +76,6 @@ def score(
     command = ["score", *arguments(given, paths(rollouts))]
     produce(command, Path(out, "provenance.json"), show=progress)
     return Results(out)
-
-
-class Event(NamedTuple):
-    """An occurrence that a metric counted.
-
-    Attributes:
-        metric: Id of the metric.
-        step: First step, from 1.
-        last_step: Last step.
-        agent: Id of the agent.
-        partner: Id of the other agent, if there is one.
-        reason: Reason why the event counts or not.
-        counted: Whether the event counts in the value of the metric.
-        values: Named values at the event.
-
-    """
-
-    metric: str
-    step: int
-    last_step: int
-    agent: str
-    partner: str | None
-    reason: str | None
-    counted: bool
-    values: dict[str, float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -190,9 +166,9 @@ def score_states(
         "scenario": scenario.id,
         "simulator": simulator,
         "agents": None if agents is None else list(agents),
-        "allow": [allow] if isinstance(allow, str) else list(allow),
+        "allow": several(allow),
         "pose": pose,
-        "metric_options": {key: text_of(value) for key, value in (metric_options or {}).items()},
+        "metric_options": texts(metric_options),
     }
     answer, _ = shared_request("score", given, {"states": array})
     return read_scores(answer["rows"], answer["events"])
@@ -257,11 +233,6 @@ def _checked(states: Any, agents: int, steps: int) -> Array:
 
 def _values(row: Mapping[str, Any]) -> dict[str, float | None]:
     return {metric: value_of(value) for metric, value in row["metrics"].items()}
-
-
-def read_event(line: Mapping[str, Any]) -> Event:
-    """Returns an event from its fields, as in a line of `events.jsonl`."""
-    return Event(**{name: line[name] for name in Event._fields})
 
 
 def _means(rollouts: Sequence[RolloutScores]) -> dict[str, float | None]:

@@ -6,13 +6,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Iterator
 
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 import reactsim
-from fakes import EXAMPLES, IMPORTED, ROOT
+from fakes import EXAMPLES, IMPORTED, ROOT, executable
 
 sys.path.insert(0, str(EXAMPLES))
 
@@ -44,19 +45,19 @@ def checkout() -> Path:
     return Path(os.environ["SMART_CHECKOUT"]).resolve()
 
 
-@pytest.fixture
-def with_program(program: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Makes the package use the program of the tests."""
-    monkeypatch.setenv("REACTSIM_BINARY", program)
+@pytest.fixture(scope="module")
+def with_program(program: str) -> Iterator[None]:
+    """Makes the package use the program of the tests, also in fixtures of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("REACTSIM_BINARY", program)
+        yield
 
 
 @pytest.fixture
 def fake_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A stand-in for the program that the package starts; returns the folder of its notes."""
-    path = tmp_path / "reactsim"
     script = Path(__file__).with_name("fake_program.py")
-    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')
-    path.chmod(0o755)
+    path = executable(tmp_path / "reactsim", f'exec "{sys.executable}" "{script}" "$@"')
     monkeypatch.setenv("REACTSIM_BINARY", str(path))
     monkeypatch.setenv("FAKE_NOTES", str(tmp_path))
     monkeypatch.setenv("PYTHONPATH", str(IMPORTED))

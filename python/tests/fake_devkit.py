@@ -39,37 +39,28 @@ class TimePoint:
         assert isinstance(self.time_us, int) and self.time_us >= 0
 
 
+@dataclasses.dataclass
 class VehicleParameters:
-    def __init__(
-        self,
-        *,
-        width: float,
-        front_length: float,
-        rear_length: float,
-        cog_position_from_rear_axle: float,
-        wheel_base: float,
-        vehicle_name: str,
-        vehicle_type: str,
-        height: Optional[float] = None,
-    ) -> None:
-        self.width, self.front_length, self.rear_length = width, front_length, rear_length
-        self.cog_position_from_rear_axle, self.wheel_base = cog_position_from_rear_axle, wheel_base
-        self.vehicle_name, self.vehicle_type, self.height = vehicle_name, vehicle_type, height
-        self.length = front_length + rear_length
-        self.rear_axle_to_center = self.length / 2 - rear_length
+    width: float
+    front_length: float
+    rear_length: float
+    cog_position_from_rear_axle: float
+    wheel_base: float
+    vehicle_name: str
+    vehicle_type: str
+    height: Optional[float] = None
+
+    @property
+    def length(self) -> float:
+        return self.front_length + self.rear_length
+
+    @property
+    def rear_axle_to_center(self) -> float:
+        return self.length / 2 - self.rear_length
 
 
 def get_pacifica_parameters() -> VehicleParameters:
-    return VehicleParameters(
-        width=2.297,
-        front_length=4.049,
-        rear_length=1.127,
-        cog_position_from_rear_axle=1.67,
-        wheel_base=3.089,
-        vehicle_name="pacifica",
-        vehicle_type="gen1",
-        height=1.777,
-    )
+    return VehicleParameters(2.297, 4.049, 1.127, 1.67, 3.089, "pacifica", "gen1", 1.777)
 
 
 class EgoState:
@@ -95,9 +86,12 @@ class EgoState:
         return cls(**{name: value for name, value in locals().items() if name != "cls"})
 
 
+@dataclasses.dataclass
 class OrientedBox:
-    def __init__(self, center: StateSE2, length: float, width: float, height: float) -> None:
-        self.center, self.length, self.width, self.height = center, length, width, height
+    center: StateSE2
+    length: float
+    width: float
+    height: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,34 +115,21 @@ class TrackedObjectType(enum.Enum):
 
 class StaticObject:
     def __init__(
-        self,
-        tracked_object_type: TrackedObjectType,
-        oriented_box: OrientedBox,
-        metadata: SceneObjectMetadata,
+        self, tracked_object_type: Any, oriented_box: OrientedBox, metadata: SceneObjectMetadata
     ) -> None:
-        self.tracked_object_type, self.box, self.metadata = (
-            tracked_object_type,
-            oriented_box,
-            metadata,
-        )
-        self.velocity = StateVector2D(0.0, 0.0)
+        self.tracked_object_type, self.box = tracked_object_type, oriented_box
+        self.metadata, self.velocity = metadata, StateVector2D(0.0, 0.0)
 
 
 class Agent(StaticObject):
-    def __init__(
-        self,
-        tracked_object_type: TrackedObjectType,
-        oriented_box: OrientedBox,
-        velocity: StateVector2D,
-        metadata: SceneObjectMetadata,
-    ) -> None:
-        super().__init__(tracked_object_type, oriented_box, metadata)
+    def __init__(self, *, velocity: StateVector2D, **values: Any) -> None:
+        super().__init__(**values)
         self.velocity = velocity
 
 
+@dataclasses.dataclass
 class TrackedObjects:
-    def __init__(self, tracked_objects: List[Any]) -> None:
-        self.tracked_objects = tracked_objects
+    tracked_objects: List[Any]
 
     def __iter__(self) -> Iterator[Any]:
         return iter(self.tracked_objects)
@@ -177,19 +158,17 @@ class TrafficLightStatusData:
     timestamp: int
 
 
+@dataclasses.dataclass
 class SimulationHistoryBuffer:
-    def __init__(self, states: List[Any], observations: List[Any], interval: float) -> None:
-        self.ego_states, self.observations, self.sample_interval = states, observations, interval
+    ego_states: List[Any]
+    observations: List[Any]
+    sample_interval: float
 
     @classmethod
     def initialize_from_list(
-        cls,
-        buffer_size: int,
-        ego_states: List[Any],
-        observations: List[Any],
-        sample_interval: float,
+        cls, buffer_size: int, ego_states: List[Any], observations: List[Any], interval: float
     ) -> SimulationHistoryBuffer:
-        return cls(ego_states[-buffer_size:], observations[-buffer_size:], sample_interval)
+        return cls(ego_states[-buffer_size:], observations[-buffer_size:], interval)
 
     @property
     def current_state(self) -> Any:
@@ -292,7 +271,6 @@ class StopLine(MapObject):
 class Intersection(MapObject):
     def __init__(self, object_id: str, intersection_type: IntersectionType) -> None:
         super().__init__(object_id)
-        self.intersection_type = intersection_type
 
 
 class Trajectory:
@@ -320,8 +298,11 @@ class Planner:
     """A planner of the devkit that keeps its inputs and drives straight on at its speed."""
 
     requires_scenario = False
+    latest: Planner
+    """The planner that was made last."""
 
     def __init__(self) -> None:
+        Planner.latest = self
         self.initialized: List[PlannerInitialization] = []
         self.inputs: List[PlannerInput] = []
         self.answer: Any = None

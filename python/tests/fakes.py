@@ -19,21 +19,30 @@ PACKAGE = ROOT / "python"
 EXAMPLES = PACKAGE / "examples"
 IMPORTED = Path(reactsim.__file__).resolve().parents[1]
 """Folder from which the tests import the package: the checkout's, or that of an installed wheel."""
+
 MINI = ROOT / "scenarios" / "mini"
+"""Twelve hand-written scenarios."""
+
 SMALL: Dict[str, Any] = {"agents": 4, "lanes": 6, "points": 5, "lights": 2, "route": 4}
 """Sizes of small observations of environments."""
 
 Message = Tuple[Dict[str, str], Dict[str, Array]]
 
 
-def is_running(pid: int) -> bool:
+def executable(path: Path, script: str, interpreter: str = "/bin/sh") -> Path:
+    """Writes a script that can be started, and returns its path."""
+    path.write_text(f"#!{interpreter}\n{script}\n")
+    path.chmod(0o755)
+    return path
+
+
+def is_running(process: int) -> bool:
     """Returns whether a process exists and is no zombie."""
-    stat = Path(f"/proc/{pid}/stat")
     try:
-        os.kill(pid, 0)
-        # A process without a waiting parent stays in the table.
-        return not stat.exists() or stat.read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
-    except (ProcessLookupError, FileNotFoundError):
+        os.kill(process, 0)
+        stat = Path(f"/proc/{process}/stat")
+        return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
         return False
 
 
@@ -108,7 +117,6 @@ class Parent:
         self.reader, self.writer = reader, writer
         self.seq = 0
         self.to = {"to": "mine", "worker": "0"}
-        self.moves_av = False
 
     def ask(
         self,
@@ -150,7 +158,6 @@ class Parent:
         self.states[:, :, :history] = tensors["history"]
         self.frame = history - 1
         self.new = 0
-        self.moves_av = metadata.get("moves_av") == "1"
         return self.ask("begin", {"moves_av": "0", "steps": str(steps), **metadata}, tensors)
 
     def plan(self, steps: int, active: Optional[Array] = None) -> Message:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import json
-import os
-import threading
-from typing import Any, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Dict, List, Tuple
 
 import numpy as np
 import pytest
-from fakes import Parent, make_scenes, roll_out
+from fakes import Loopback, make_scenes, roll_out
 from reactsim.client import (
     Array,
     Kind,
@@ -49,44 +48,14 @@ class Mine(Simulator):
         self.ended += episodes.tolist()
 
 
-class Local(Parent):
-    """Plays the program for a session in a thread of this process."""
-
-    def __init__(self, simulator: Any) -> None:
-        from_parent, to_child = os.pipe()
-        from_child, to_parent = os.pipe()
-        super().__init__(os.fdopen(from_child, "rb"), os.fdopen(to_child, "wb"))
-        self.session = Session(simulator)
-        self.ends: List[Any] = [os.fdopen(from_parent, "rb"), os.fdopen(to_parent, "wb")]
-        self.error: Optional[BaseException] = None
-        self.thread = threading.Thread(target=self._run)
-        self.thread.start()
-
-    def _run(self) -> None:
-        try:
-            self.session.run(self.ends[0], self.ends[1])
-        except BaseException as error:
-            self.error = error
-        for stream in self.ends:
-            stream.close()
-
-    def close(self) -> None:
-        self.writer.close()
-        self.thread.join(10)
-        assert not self.thread.is_alive()
-        self.reader.close()
-
-
 @pytest.fixture
 def mine() -> Mine:
     return Mine()
 
 
 @pytest.fixture
-def parent(mine: Mine) -> Iterator[Local]:
-    local = Local(mine)
-    yield local
-    local.close()
+def parent(mine: Mine) -> Loopback:
+    return Loopback(mine)
 
 
 def tamper(**changes: Any) -> Dict[str, Array]:
@@ -100,7 +69,7 @@ def tamper(**changes: Any) -> Dict[str, Array]:
 
 
 @pytest.mark.parametrize(("history", "future"), [(11, 150), (2, 60), (21, 600), (100, 1)])
-def test_batches_of_other_lengths(mine: Mine, parent: Local, history: int, future: int) -> None:
+def test_batches_of_other_lengths(mine: Mine, parent: Loopback, history: int, future: int) -> None:
     parent.hello()
     tensors = make_scenes(frames=history)
     plans = roll_out(parent, tensors, 30, length=json.dumps([history, future]))
@@ -118,19 +87,19 @@ def test_batches_of_other_lengths(mine: Mine, parent: Local, history: int, futur
     "length",
     ["[11]", "[1, 80]", "[11, 0]", "[101, 80]", "[11, 6001]", "[11, true]", "[1.5, 8]", "x"],
 )
-def test_impossible_lengths_are_refused(mine: Mine, parent: Local, length: str) -> None:
+def test_impossible_lengths_are_refused(parent: Loopback, length: str) -> None:
     parent.hello()
     metadata = {"moves_av": "0", "steps": "5", "length": length}
     answer, _ = parent.ask("begin", metadata, make_scenes())
     assert answer["type"] == "failed" and "metadata `length` is" in answer["error"]
 
 
-def test_simulators_may_support_one_length_only(mine: Mine, parent: Local) -> None:
+def test_simulators_may_support_one_length_only(mine: Mine, parent: Loopback) -> None:
     mine.any_length = False
     assert "lengths" not in parent.hello()
 
 
-def test_a_batch(mine: Mine, parent: Local) -> None:
+def test_a_batch(mine: Mine, parent: Loopback) -> None:
     assert parent.hello() == {
         "type": "welcome",
         "role": "simulator",
@@ -169,7 +138,7 @@ def test_a_batch(mine: Mine, parent: Local) -> None:
     assert parent.session.first_error is None
 
 
-def test_scene_views(mine: Mine, parent: Local) -> None:
+def test_scene_views(mine: Mine, parent: Loopback) -> None:
     tensors = make_scenes()
     parent.begin(tensors, moves_av="1", scenario_ids='["a", "b", "c"]')
     scenes = mine.scenes
@@ -242,7 +211,7 @@ def test_lines_in_any_order() -> None:
         assert first.lights.lane.tolist() == second.lights.lane.tolist()
 
 
-def test_random_streams(mine: Mine, parent: Local) -> None:
+def test_random_streams(mine: Mine, parent: Loopback) -> None:
     draws = []
     for _ in range(2):
         parent.begin(make_scenes())
@@ -254,7 +223,7 @@ def test_random_streams(mine: Mine, parent: Local) -> None:
     assert len(set(draws[0])) == 3
 
 
-def test_wrong_plans(mine: Mine, parent: Local) -> None:
+def test_wrong_plans(mine: Mine, parent: Loopback) -> None:
     parent.begin(make_scenes())
 
     def error(answer: Any) -> str:
@@ -296,7 +265,7 @@ def test_wrong_plans(mine: Mine, parent: Local) -> None:
     roll_out(parent, make_scenes())
 
 
-def test_states_that_are_not_finite(mine: Mine, parent: Local) -> None:
+def test_states_that_are_not_finite(mine: Mine, parent: Loopback) -> None:
     parent.begin(make_scenes())
 
     def states(*changes: Tuple[int, int, int, int, float]) -> Array:
@@ -349,7 +318,7 @@ def test_states_that_are_not_finite(mine: Mine, parent: Local) -> None:
         ({"light_lane": lambda a: a + 24}, "outside -1 to 23"),
     ],
 )
-def test_wrong_scenes(parent: Local, changes: Dict[str, Any], message: str) -> None:
+def test_wrong_scenes(parent: Loopback, changes: Dict[str, Any], message: str) -> None:
     metadata, _ = parent.begin(tamper(**changes))
     assert metadata["type"] == "failed"
     assert message in metadata["error"]
@@ -357,7 +326,7 @@ def test_wrong_scenes(parent: Local, changes: Dict[str, Any], message: str) -> N
     parent.end()
 
 
-def test_wrong_order(mine: Mine, parent: Local) -> None:
+def test_wrong_order(mine: Mine, parent: Loopback) -> None:
     tensors = make_scenes()
     parent.begin(tensors)
     assert "while a batch is open" in parent.begin(tensors)[0]["error"]
@@ -372,13 +341,11 @@ def test_wrong_order(mine: Mine, parent: Local) -> None:
     assert mine.ended == [100, 101, 102]
     assert "unknown request" in parent.ask("dance")[0]["error"]
     assert "version 2" in parent.ask("hello", {"protocol": "2"})[0]["error"]
-    parent.writer.write(b"\xff" * 8)
-    parent.writer.flush()
-    parent.thread.join(10)
-    assert isinstance(parent.error, ProtocolError)
+    with pytest.raises(ProtocolError, match="a frame of"):
+        parent.session.run(io.BytesIO(b"\xff" * 8), io.BytesIO())
 
 
-def test_errors_in_begin_and_end(mine: Mine, parent: Local) -> None:
+def test_errors_in_begin_and_end(mine: Mine, parent: Loopback) -> None:
     class Bad(Mine):
         def begin(self, scenes: Scenes) -> None:
             raise RuntimeError("no memory")
@@ -386,10 +353,9 @@ def test_errors_in_begin_and_end(mine: Mine, parent: Local) -> None:
         def end(self, episodes: Array) -> None:
             raise RuntimeError("no end")
 
-    bad = Local(Bad())
+    bad = Loopback(Bad())
     assert "no memory" in bad.begin(make_scenes())[0]["error"]
     assert bad.end()[0]["type"] == "ended"
-    bad.close()
     mine.end = Bad().end  # type: ignore[method-assign]
     parent.begin(make_scenes())
     assert "no end" in parent.end()[0]["error"]
@@ -401,10 +367,9 @@ def test_any_object_is_a_simulator() -> None:
         def plan(self, seen: Observation) -> List[Any]:
             return np.zeros((*seen.states.shape[:2], seen.steps, 3)).tolist()  # type: ignore[no-any-return]
 
-    local = Local(Duck)
+    local = Loopback(Duck)
     assert local.hello()["name"] == "Duck"
     roll_out(local, make_scenes())
-    local.close()
     with pytest.raises(TypeError, match="no method `plan`"):
         Session(object())
 
@@ -447,6 +412,5 @@ def test_copies_know_nothing_of_earlier_episodes() -> None:
 def test_wrong_descriptions(name: str, value: Any, message: str) -> None:
     simulator = Mine()
     setattr(simulator, name, value)
-    local = Local(simulator)
+    local = Loopback(simulator)
     assert message in local.hello()["error"]
-    local.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from typing import Any, Callable, Dict, List, Set
 
 import pytest
 import reactsim
+from fakes import executable
 from reactsim.comparison import Comparisons
 from reactsim.curation import Candidates
 from reactsim.metric import add_document
@@ -42,15 +44,6 @@ LEFT_OUT_OPTIONS: Dict[str, Dict[str, str]] = {
     "score": TABLES,
 }
 
-READING: Dict[str, Any] = {
-    "current_frame": 20,
-    "window_step": 10,
-    "history": 21,
-    "future": "15s",
-    "all_agents": True,
-}
-SELECTION: Dict[str, Any] = {"limit": 1, "ids": ["a"], "categories": ["lateral"], **READING}
-
 # Options of `run` that callers give in `options`.
 OF_RUN = [
     *("--external=a=b", "--planner=a=b", "--external-workers=2", "--external-batch=2"),
@@ -61,85 +54,40 @@ OF_RUN = [
 ]
 
 
+def sample(parameter: inspect.Parameter) -> Any:
+    """Returns a value of an argument that is unlike its default."""
+    if isinstance(parameter.default, bool):
+        return not parameter.default
+    samples = {"Mapping": {"a": 1.0}, "Sequence": ["a"], "int": 1, "float": 1.0}
+    return next((samples[kind] for kind in samples if kind in parameter.annotation), "a")
+
+
+def full(function: Callable[..., Any], *given: Any, **special: Any) -> Callable[[], Any]:
+    """Returns a call with every keyword argument."""
+    parameters = inspect.signature(function).parameters.values()
+    options = {p.name: sample(p) for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
+    return lambda: function(*given, **{**options, **special})
+
+
 def calls(folder: Path) -> Dict[str, List[Callable[[], Any]]]:
     """Returns calls of the functions by command, which together have every argument."""
     file = folder / "candidates"
     file.touch()
     return {
         "compare": [
-            lambda: reactsim.compare(
-                "a", "b", models=["x", "y"], despite="av", worse={"ade": 1.0}, seed=1
-            ),
+            full(reactsim.compare, "a", "b"),
             lambda: Comparisons([], [], [], ["a", "b"]).table(top=1),
         ],
-        "run": [
-            lambda: reactsim.run(
-                Stop(),
-                av="log",
-                protocol="realism",
-                replan="1hz",
-                rollouts=2,
-                seed=1,
-                baselines=["idm"],
-                deviations="d",
-                jobs=1,
-                out="out",
-                resume=True,
-                reveal_ids=True,
-                progress=False,
-                options=OF_RUN,
-                **SELECTION,
-            )
-        ],
+        "run": [full(reactsim.run, Stop(), planner=None, metrics=(), options=OF_RUN)],
         "score": [
-            lambda: reactsim.score(
-                ["r"],
-                "s",
-                out="o",
-                deviations="d",
-                allow="jumps",
-                pose="centre",
-                metric_options={"a": "b"},
-                jobs=1,
-                progress=False,
-                **READING,
-            ),
-            lambda: score_run("a", "s", simulator="idm", partial=True, jobs=1),
+            full(reactsim.score, ["r"], "s"),
+            full(score_run, "a", "s"),
             lambda: add_document("a", {"metrics": [], "rollouts": []}),
         ],
-        "curate": [
-            lambda: reactsim.curate(
-                "s",
-                "o",
-                temperature=1.0,
-                candidates=2,
-                limit=1,
-                jobs=1,
-                scenes=False,
-                min_vehicles=1,
-                radius=9.0,
-                max_ttc=1.0,
-                min_ade=1.0,
-                drivable_tolerance=1.0,
-                comfort=True,
-                progress=False,
-                **READING,
-            )
-        ],
+        "curate": [full(reactsim.curate, "s", "o")],
         "curate stats": [Candidates(file).stats],
-        "export scenes": [lambda: list(reactsim.scenarios("s", deviations="d", **SELECTION))],
-        "train adapt": [
-            lambda: reactsim.train_adapt(
-                "l",
-                "o",
-                reward="realism",
-                exclude="x",
-                resume=True,
-                jobs=1,
-                progress=False,
-                **READING,
-            )
-        ],
+        "export scenes": [lambda: list(full(reactsim.scenarios, "s", future="15s")())],
+        "train adapt": [full(reactsim.train_adapt, "l", "o")],
     }
 
 
@@ -174,9 +122,8 @@ def _labels(script: str) -> Dict[str, str]:
 @pytest.fixture
 def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], List[str]]:
     """Calls a function with a program that notes its arguments and fails."""
-    path, notes = tmp_path / "reactsim", tmp_path / "notes"
-    path.write_text(f"#!/bin/sh\nprintf '%s\\0' \"$@\" >'{notes}'\nexit 3\n")
-    path.chmod(0o755)
+    notes = tmp_path / "notes"
+    path = executable(tmp_path / "reactsim", f"printf '%s\\0' \"$@\" >'{notes}'\nexit 3")
     monkeypatch.setenv("REACTSIM_BINARY", str(path))
 
     def call(function: Callable[[], Any]) -> List[str]:

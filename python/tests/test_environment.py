@@ -16,7 +16,7 @@ from typing import Any, Dict, List
 import numpy as np
 import pytest
 import reactsim
-from fakes import IMPORTED, MINI, SMALL, is_running, other_lengths
+from fakes import IMPORTED, MINI, SMALL, executable, is_running, other_lengths
 from reactsim.process import ProgramProcess
 from stop import Stop
 
@@ -24,12 +24,10 @@ pytestmark = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 
 
 @pytest.fixture(scope="module")
-def results(program: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def results(with_program: None, tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Two rollouts of each small scenario."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("REACTSIM_BINARY", program)
-        out = tmp_path_factory.mktemp("run") / "run"
-        yield reactsim.run(baselines=["idm"], scenarios=MINI, out=out, rollouts=2, progress=False)
+    out = tmp_path_factory.mktemp("run") / "run"
+    return reactsim.run(baselines=["idm"], scenarios=MINI, out=out, rollouts=2, progress=False)
 
 
 SCRIPT = """
@@ -61,10 +59,6 @@ exec(SCRIPT, SPACE)
 Careful = SPACE["Careful"]
 
 
-class Named(Stop):  # type: ignore[misc]
-    name = "idm"
-
-
 class Raising(Stop):  # type: ignore[misc]
     name = "raising"
 
@@ -72,45 +66,60 @@ class Raising(Stop):  # type: ignore[misc]
         raise ZeroDivisionError("nothing to divide")
 
 
+class Named(Stop):  # type: ignore[misc]
+    name = "idm"
+
+
 @pytest.fixture(scope="module")
-def own(program: str) -> Dict[str, Any]:
+def own(with_program: None) -> Dict[str, Any]:
     """States of the second rollout of each small scenario with `Careful`."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("REACTSIM_BINARY", program)
-        run = reactsim.run(Careful(), MINI, rollouts=2, seed=3, progress=False)
-        return {r.scenario: r.states for r in run.rollouts() if r.rollout == 1}
+    run = reactsim.run(Careful(), MINI, rollouts=2, seed=3, progress=False)
+    return {r.scenario: r.states for r in run.rollouts() if r.rollout == 1}
 
 
 def states_of(results: Any, scenario: str) -> Any:
     return np.stack([rollout.states for rollout in results.rollouts(scenario=scenario)])
 
 
+def check_metrics(
+    scores: reactsim.RolloutScores, results: Any, scenario: str, rollout: int, metrics: Any = None
+) -> None:
+    """Compares metrics, by default all, with those of a rollout of a run."""
+    row = {"scenario": scenario, "rollout": rollout}
+    (row,) = [r for r in results.rows.to_dict("records") if row.items() <= r.items()]
+    for metric in metrics or scores.metrics:
+        value = scores.metrics[metric]
+        assert value == row[metric] or (value is None and not row[metric] == row[metric]), metric
+
+
+def replayed(env: Any, scenario: reactsim.Scenario, rollout: int) -> Any:
+    """Drives the deviated AV of a scenario; returns the states and the last info."""
+    env.reset(options={"scenario": scenario.id, "rollout": rollout})
+    assert scenario.av is not None
+    for state in scenario.av:
+        *_, truncated, info = env.step(state)
+    assert truncated
+    return env.states[:, 11:], info
+
+
 class TestScoreStates:
     def test_numbers_are_those_of_score(self, results: Any, tmp_path: Path) -> None:
         rollouts = results.folder / "rollouts.parquet"
         scored = reactsim.score(rollouts, MINI, out=tmp_path / "scored", progress=False)
-        rows = scored.rows.to_dict("records")
         events = scored.events.to_dict("records")
         for scenario in reactsim.scenarios(MINI):
             scores = reactsim.score_states(scenario, states_of(results, scenario.id))
-            own = [row for row in rows if row["scenario"] == scenario.id]
             assert len(scores.rollouts) == 2
             for index, rollout in enumerate(scores.rollouts):
-                (row,) = [row for row in own if row["rollout"] == index]
-                for metric, value in rollout.metrics.items():
-                    assert np.array_equal(
-                        [np.nan if value is None else value],
-                        [np.nan if row[metric] is None else row[metric]],
-                        equal_nan=True,
-                    ), metric
+                check_metrics(rollout, scored, scenario.id, index)
                 found = [
                     event["metric"]
                     for event in events
                     if event["scenario"] == scenario.id and event["rollout"] == index
                 ]
                 assert [event.metric for event in rollout.events] == found
-            (over_all,) = [row for row in own if row["rollout"] not in (0, 1)]
-            assert scores.metrics["min-ade"] == over_all["min-ade"]
+            own = scored.rows[scored.rows["scenario"] == scenario.id]
+            assert scores.metrics["min-ade"] == own[own["rollout"].isna()]["min-ade"].item()
 
     def test_agents_are_found_by_their_ids(self, results: Any) -> None:
         scenario = next(reactsim.scenarios(MINI))
@@ -187,14 +196,8 @@ class TestScoreStates:
         (scenario, *_) = reactsim.scenarios(logs, deviations=deviations)
         states = states_of(run, scenario.id)
         scores = reactsim.score_states(scenario, states)
-        (row,) = [
-            row
-            for row in run.rows.to_dict("records")
-            if row["scenario"] == scenario.id and row["rollout"] == 0
-        ]
-        for metric in ("aav-collision", "over-reaction", "undisturbed-loss"):
-            value = scores.rollouts[0].metrics[metric]
-            assert value == row[metric] or (value is None and np.isnan(row[metric])), metric
+        metrics = ("aav-collision", "over-reaction", "undisturbed-loss")
+        check_metrics(scores.rollouts[0], run, scenario.id, 0, metrics)
         assert any(scores.rollouts[0].metrics[m] is not None for m in ("undisturbed-loss", "ade"))
         logged = states.copy()
         assert scenario.future is not None
@@ -256,14 +259,11 @@ class TestProcess:
 
 
 @pytest.fixture
-def ffmpeg(tmp_path: Path) -> str:
-    """A folder with a stand-in for `ffmpeg`, which writes what it is given."""
-    tool = tmp_path / "tools" / "ffmpeg"
-    tool.parent.mkdir()
+def ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A stand-in for `ffmpeg`, which writes what it is given."""
+    monkeypatch.setenv("PATH", str(tmp_path))
     write = "import sys; open(sys.argv[-1], 'wb').write(sys.stdin.buffer.read())"
-    tool.write_text(f"#!{sys.executable}\n{write}\n")
-    tool.chmod(0o755)
-    return str(tool.parent)
+    return executable(tmp_path / "ffmpeg", write, sys.executable)
 
 
 @pytest.fixture
@@ -384,7 +384,7 @@ class TestEnv:
         checker.check_env(env)
         assert [str(warning.message) for warning in recwarn] == []
 
-    def test_pictures_show_the_episode(self, closing: Any, ffmpeg: str, tmp_path: Path) -> None:
+    def test_pictures_show_the_episode(self, closing: Any, ffmpeg: Path, tmp_path: Path) -> None:
         env = closing(reactsim.Env(MINI, render_mode="rgb_array", **SMALL))
         env.reset(seed=1)
         first = env.render()
@@ -393,13 +393,8 @@ class TestEnv:
         assert not np.array_equal(env.render(), first)
         gif = env.save_gif(tmp_path / "episode.gif", size=100, every=2)
         assert gif[:6] == b"GIF89a" and gif == (tmp_path / "episode.gif").read_bytes()
-        with pytest.MonkeyPatch.context() as path:
-            path.setenv("PATH", str(tmp_path))
-            with pytest.raises(reactsim.ReactsimError, match="need the program `ffmpeg`"):
-                env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
-            path.setenv("PATH", ffmpeg)
-            env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
-            assert (tmp_path / "episode.mp4").read_bytes() == gif
+        env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
+        assert (tmp_path / "episode.mp4").read_bytes() == gif
         several = closing(
             reactsim.VectorEnv(MINI, num_envs=2, jobs=2, render_mode="rgb_array", **SMALL)
         )
@@ -408,10 +403,11 @@ class TestEnv:
         assert len(pictures) == 2 and not np.array_equal(*pictures)
         gif = several.save_gif(tmp_path / "second.gif", 1)
         assert gif[:6] == b"GIF89a"
-        with pytest.MonkeyPatch.context() as path:
-            path.setenv("PATH", ffmpeg)
-            several.save_mp4(tmp_path / "second.mp4", 1)
+        several.save_mp4(tmp_path / "second.mp4", 1)
         assert (tmp_path / "second.mp4").read_bytes() == gif
+        ffmpeg.unlink()
+        with pytest.raises(reactsim.ReactsimError, match="need the program `ffmpeg`"):
+            env.save_mp4(tmp_path / "episode.mp4", size=100, every=2)
         silent = closing(reactsim.Env(MINI, **SMALL))
         assert silent.render() is None
         with pytest.raises(ValueError, match="expected None or 'rgb_array'"):
@@ -494,19 +490,11 @@ class TestEnv:
 
     def test_the_traffic_is_that_of_run(self, results: Any, closing: Any) -> None:
         env = closing(reactsim.Env(MINI, action="state", **SMALL))
-        rows = results.rows.to_dict("records")
+        metrics = ("aav-collision", "aav-ttc", "aa-collision", "offroad", "direction")
         for scenario in reactsim.scenarios(MINI):
-            env.reset(options={"scenario": scenario.id, "rollout": 1})
-            assert scenario.av is not None
-            for state in scenario.av:
-                *_, truncated, info = env.step(state)
-            assert truncated
-            expected = states_of(results, scenario.id)[1]
-            assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
-            (row,) = [r for r in rows if r["scenario"] == scenario.id and r["rollout"] == 1]
-            for metric in ("aav-collision", "aav-ttc", "aa-collision", "offroad", "direction"):
-                value = info["scores"].metrics[metric]
-                assert value == row[metric] or value is None, metric
+            states, info = replayed(env, scenario, 1)
+            assert np.array_equal(states, states_of(results, scenario.id)[1], equal_nan=True)
+            check_metrics(info["scores"], results, scenario.id, 1, metrics)
 
     def test_mixed_traffic_is_that_of_run(self, tmp_path: Path, closing: Any) -> None:
         mix = "mix:constant-velocity=1+idm=1"
@@ -515,12 +503,8 @@ class TestEnv:
         assert set(results.rows["simulator"]) == {mix}
         env = closing(reactsim.Env(MINI, "mix:idm=1, constant-velocity=1", action="state", **SMALL))
         for scenario in reactsim.scenarios(MINI):
-            env.reset(options={"scenario": scenario.id, "rollout": 0})
-            assert scenario.av is not None
-            for state in scenario.av:
-                env.step(state)
-            expected = states_of(results, scenario.id)[0]
-            assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
+            states, _ = replayed(env, scenario, 0)
+            assert np.array_equal(states, states_of(results, scenario.id)[0], equal_nan=True)
 
     def test_an_own_simulator_is_traffic_as_in_run(
         self,
@@ -536,12 +520,9 @@ class TestEnv:
         for simulator in sources:
             env = closing(reactsim.Env(MINI, simulator, action="state", seed=3, **SMALL))
             for scenario in reactsim.scenarios(MINI):
-                env.reset(options={"scenario": scenario.id, "rollout": 1})
-                assert scenario.av is not None
-                for state in scenario.av:
-                    *_, truncated, info = env.step(state)
-                assert truncated and info["scores"].metrics["aav-collision"] is not None
-                assert np.array_equal(env.states[:, 11:], own[scenario.id], equal_nan=True)
+                states, info = replayed(env, scenario, 1)
+                assert info["scores"].metrics["aav-collision"] is not None
+                assert np.array_equal(states, own[scenario.id], equal_nan=True)
             # An episode may begin before the last one is over.
             env.reset()
             env.step(np.array([0.0, 0, 0, 0, 0]) + env.states[0, -1])
@@ -845,22 +826,20 @@ class TestParallelEnv:
         env = closing(reactsim.ParallelEnv(MINI, **self.SIZES))
         parallel_api_test(env, num_cycles=100)
 
-    def test_pictures_show_the_episode(self, closing: Any, ffmpeg: str, tmp_path: Path) -> None:
+    def test_pictures_show_the_episode(self, closing: Any, ffmpeg: Path, tmp_path: Path) -> None:
         env = closing(reactsim.ParallelEnv(MINI, render_mode="rgb_array", **self.SIZES))
         env.reset(seed=1)
         assert env.render().shape == (480 + 46, 480, 3)
         gif = env.save_gif(tmp_path / "episode.gif", size=100)
         assert gif[:6] == b"GIF89a"
-        with pytest.MonkeyPatch.context() as path:
-            path.setenv("PATH", ffmpeg)
-            env.save_mp4(tmp_path / "episode.mp4", size=100)
+        env.save_mp4(tmp_path / "episode.mp4", size=100)
         assert (tmp_path / "episode.mp4").read_bytes() == gif
 
     def test_agents_that_repeat_a_run_have_its_states_and_metrics(
         self, results: Any, closing: Any
     ) -> None:
         env = closing(reactsim.ParallelEnv(MINI, action="state", **self.SIZES))
-        rows = results.rows.to_dict("records")
+        metrics = ("aav-collision", "aav-ttc", "aa-collision", "offroad", "over-reaction")
         for scenario in env.scenarios[:3]:
             expected = states_of(results, scenario)[0]
             _, infos = env.reset(options={"scenario": scenario})
@@ -870,11 +849,7 @@ class TestParallelEnv:
                 _, _, _, truncated, infos = env.step(dict(zip(env.agents, states)))
             assert all(truncated.values()) and env.agents == []
             assert np.array_equal(env.states[:, 11:], expected, equal_nan=True)
-            (row,) = [r for r in rows if r["scenario"] == scenario and r["rollout"] == 0]
-            scores = infos["agent_1"]["scores"]
-            for metric in ("aav-collision", "aav-ttc", "aa-collision", "offroad", "over-reaction"):
-                value = scores.metrics[metric]
-                assert value == row[metric] or (value is None and not row[metric] == row[metric])
+            check_metrics(infos["agent_1"]["scores"], results, scenario, 0, metrics)
 
     @pytest.mark.parametrize("controlled", [1, 3])
     def test_an_own_simulator_moves_the_other_agents(

@@ -13,8 +13,8 @@ from reactsim.client import (
     Array,
     ProtocolError,
     build_safetensors,
-    parse_safetensors,
     read_frame,
+    read_safetensors,
     write_frame,
 )
 
@@ -36,6 +36,10 @@ def join(metadata: Dict[str, str], tensors: Dict[str, Array]) -> bytes:
     return b"".join(build_safetensors(metadata, tensors))
 
 
+def parse(document: Any) -> Any:
+    return read_safetensors(io.BytesIO(document), len(document))
+
+
 def document(header: Any, data: bytes = b"") -> bytes:
     text = header if isinstance(header, bytes) else json.dumps(header).encode()
     return struct.pack("<Q", len(text)) + text + data
@@ -43,7 +47,7 @@ def document(header: Any, data: bytes = b"") -> bytes:
 
 def test_round_trip() -> None:
     tensors = samples()
-    metadata, read = parse_safetensors(join({"a": "ü\n"}, tensors))
+    metadata, read = parse(join({"a": "ü\n"}, tensors))
     assert metadata == {"a": "ü\n"}
     assert set(read) == set(tensors)
     for name, array in tensors.items():
@@ -60,7 +64,7 @@ def test_agrees_with_the_safetensors_package() -> None:
     tensors["scalar"] = np.array(3.5)
     for name, array in package.load(join({"a": "b"}, tensors)).items():
         np.testing.assert_array_equal(array, tensors[name])
-    metadata, read = parse_safetensors(package.save(tensors, {"a": "b"}))
+    metadata, read = parse(package.save(tensors, {"a": "b"}))
     assert metadata == {"a": "b"}
     for name, array in read.items():
         np.testing.assert_array_equal(array, tensors[name])
@@ -103,7 +107,7 @@ HOSTILE: List[Any] = [
 @pytest.mark.parametrize(("message", "data"), HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_documents(message: str, data: bytes) -> None:
     with pytest.raises(ProtocolError, match=message):
-        parse_safetensors(data)
+        parse(data)
 
 
 def test_every_changed_byte_is_read_or_refused() -> None:
@@ -113,7 +117,7 @@ def test_every_changed_byte_is_read_or_refused() -> None:
             changed = bytearray(good)
             changed[at] ^= flip
             try:
-                parse_safetensors(changed)
+                parse(changed)
             except ProtocolError:
                 pass
 
@@ -122,7 +126,7 @@ def test_truncated_documents() -> None:
     good = join({"type": "x"}, {"a": np.arange(3.0)})
     for length in range(len(good)):
         with pytest.raises(ProtocolError):
-            parse_safetensors(good[:length])
+            parse(good[:length])
 
 
 def test_frames() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import fake_devkit as devkit
 import numpy as np
@@ -131,6 +131,10 @@ def history(frames: int = 11) -> Tuple[Array, Array]:
 class Program(Loopback):
     """Plays the program for a planner in one episode."""
 
+    def __init__(self, planner: Any, **arguments: Any) -> None:
+        super().__init__(nuplan.wrap(planner, **arguments))
+        self.welcome = self.hello()
+
     def start(
         self,
         road: Optional[Road] = None,
@@ -241,26 +245,14 @@ class Bare(devkit.AbstractMap):
         return {layer: [] for layer in layers}
 
 
-def planners() -> Tuple[Callable[[], devkit.Planner], List[devkit.Planner]]:
-    """Returns a function that makes planners, and the planners that it made."""
-    made: List[devkit.Planner] = []
-
-    def new() -> devkit.Planner:
-        made.append(devkit.Planner())
-        return made[-1]
-
-    return new, made
-
-
 def started(**arguments: Any) -> Tuple[Program, devkit.Planner]:
     """Returns an episode of a planner, and the planner."""
     pytest.importorskip("shapely")
-    new, made = planners()
-    program = Program(nuplan.wrap(new, **arguments))
-    assert program.hello()["name"] == "Straight-on"
+    program = Program(devkit.Planner, **arguments)
+    assert program.welcome["name"] == "Straight-on"
     answer = program.start()
     assert answer[0]["type"] == "begun", answer
-    return program, made[-1]
+    return program, devkit.Planner.latest
 
 
 def planned(message: Message) -> Dict[str, Array]:
@@ -393,10 +385,9 @@ def test_scenarios_of_other_lengths_are_driven(
     frames: int, extend_history: bool, samples: int
 ) -> None:
     pytest.importorskip("shapely")
-    planner = devkit.Planner()
-    program = Program(nuplan.wrap(lambda: planner, extend_history=extend_history))
-    program.hello()
+    program = Program(devkit.Planner, extend_history=extend_history)
     assert program.start(frames=frames, future=150)[0]["type"] == "begun"
+    planner = devkit.Planner.latest
     planner.answer = lambda ego: devkit.Trajectory(
         [ego.time_us, ego.time_us + 60_000_000], [[0.0, 0.0, 0.0], [60.0 * SPEED, 0.0, 0.0]]
     )
@@ -547,8 +538,8 @@ def test_wrong_planners_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_every_rollout_has_a_planner_of_its_own() -> None:
     pytest.importorskip("shapely")
     planner = devkit.Planner()
-    program = Program(nuplan.wrap(planner, name="mine"))
-    assert program.hello()["name"] == "mine"
+    program = Program(planner, name="mine")
+    assert program.welcome["name"] == "mine"
     program.start()
     planned(program.drive())
     assert planner.initialized == [] and planner.inputs == []
@@ -572,15 +563,17 @@ def test_the_route_is_a_list_of_roadblocks() -> None:
     assert (goal.x, goal.y, goal.heading) == (200.0, 0.0, 0.0)
 
 
+def scene_of(road: Road) -> reactsim.Scene:
+    program = Program(devkit.Planner)
+    program.start(road, route=road.names[:1])
+    return program.session.drives[1].scene
+
+
 def scene_map(road: Optional[Road] = None) -> Any:
     pytest.importorskip("shapely")
     from reactsim.nuplan_map import SceneMap
 
-    program = Program(nuplan.wrap(devkit.Planner))
-    program.hello()
-    road = road or two_lane_road()
-    program.start(road, route=road.names[:1])
-    return SceneMap(program.session.drives[1].scene)
+    return SceneMap(scene_of(road or two_lane_road()))
 
 
 def test_lanes_have_the_geometry_of_the_scene() -> None:
@@ -686,10 +679,7 @@ def test_maps_without_outlines_of_junctions_have_connectors() -> None:
 
 def blocks_of(road: Road) -> List[List[str]]:
     """Returns the lanes of each roadblock, with numbers of their parts."""
-    program = Program(nuplan.wrap(devkit.Planner))
-    program.hello()
-    program.start(road, route=road.names[:1])
-    parts = parts_of(program.session.drives[1].scene.lanes)
+    parts = parts_of(scene_of(road).lanes)
     blocks: Dict[int, List[str]] = {}
     counts: Dict[int, int] = {}
     for part in parts:
@@ -729,15 +719,14 @@ def test_lanes_are_cut_beside_the_cuts_of_others() -> None:
 def test_routes_of_cut_lanes_begin_at_the_av() -> None:
     pytest.importorskip("shapely")
     road = rows([-100, -30, 400], [-100, 400])
-    planner = devkit.Planner()
-    program = Program(nuplan.wrap(lambda: planner))
-    program.hello()
+    program = Program(devkit.Planner)
     # The AV is in the second part of the road; the route names lane 1-0 as a whole.
     program.start(road, route=["0-1", "1-0"])
     planned(program.drive())
-    block, again = planner.initialized[0].route_roadblock_ids
+    (given,) = devkit.Planner.latest.initialized
+    block, again = given.route_roadblock_ids
     assert again == block, "the devkit expects two roadblocks"
-    found = planner.initialized[0].map_api.get_map_object(block, devkit.SemanticMapLayer.ROADBLOCK)
+    found = given.map_api.get_map_object(block, devkit.SemanticMapLayer.ROADBLOCK)
     assert [edge.incoming_edges[0].id for edge in found.interior_edges] == ["100000", "100002"]
 
 
@@ -803,7 +792,6 @@ class Factory:
 
 
 def test_maps_of_the_devkit_are_found_by_position() -> None:
-    new, made = planners()
     factory, asked = Factory(), []
 
     def of_scenario(scenario: str) -> Any:
@@ -811,12 +799,12 @@ def test_maps_of_the_devkit_are_found_by_position() -> None:
         return World()
 
     for maps in (World(), factory, of_scenario):
-        program = Program(nuplan.wrap(new, maps=maps))
-        program.hello()
+        program = Program(devkit.Planner, maps=maps)
         program.start(metadata=REVEALED)
         poses = planned(program.drive())["trajectory"][0]
         np.testing.assert_allclose(poses[0], [0.8, 0.0, 0.0], atol=1e-6)
-        (given,), (seen,) = made[-1].initialized, made[-1].inputs
+        planner = devkit.Planner.latest
+        (given,), (seen,) = planner.initialized, planner.inputs
         assert given.route_roadblock_ids == ["7", "8", "9"]
         assert isinstance(given.map_api, World)
         assert given.mission_goal.x == 200.0 + ORIGIN[0]
@@ -841,16 +829,14 @@ def test_maps_of_the_devkit_are_found_by_position() -> None:
     ],
 )
 def test_wrong_maps_are_refused(maps: Any, metadata: Dict[str, str], part: str) -> None:
-    program = Program(nuplan.wrap(devkit.Planner, maps=maps))
-    program.hello()
+    program = Program(devkit.Planner, maps=maps)
     program.start(metadata=metadata)
     text = failed(program.drive())
     assert part in text, text
 
 
 def test_scenes_without_lanes_or_a_box_are_refused() -> None:
-    program = Program(nuplan.wrap(devkit.Planner))
-    program.hello()
+    program = Program(devkit.Planner)
     assert "box of 0.0 m x 2.297 m" in failed(program.start(length=0.0))
     pytest.importorskip("shapely")
     road = Road()
@@ -864,16 +850,13 @@ def test_scenes_without_lanes_or_a_box_are_refused() -> None:
 @pytest.mark.usefixtures("with_program")
 def test_a_planner_of_the_devkit_drives_in_the_program() -> None:
     pytest.importorskip("shapely")
-    new, made = planners()
+    scenario = MINI / "platoon.json"
     results = reactsim.run(
-        planner=nuplan.wrap(new),
-        baselines=["idm"],
-        scenarios=[MINI / "platoon.json"],
-        progress=False,
+        planner=nuplan.wrap(devkit.Planner), baselines=["idm"], scenarios=[scenario], progress=False
     )
     assert len(results.failures) == 0
     assert results.provenance["settings"]["av"].startswith("planner:external:Straight-on")
-    inputs = made[-1].inputs
+    inputs = devkit.Planner.latest.inputs
     assert [seen.iteration.index for seen in inputs] == list(range(80))
     speeds = [seen.history.current_state[0].rear_axle_velocity_2d.x for seen in inputs]
     np.testing.assert_allclose(speeds, speeds[0], atol=0.5)

@@ -17,7 +17,7 @@ from typing import Any, Dict, List
 
 import pytest
 import reactsim
-from fakes import IMPORTED, MINI, ROOT
+from fakes import IMPORTED, MINI, ROOT, executable
 
 pytestmark = [
     pytest.mark.program,
@@ -152,7 +152,7 @@ def examples(path: Path) -> List[str]:
 
 
 @pytest.fixture(scope="module")
-def logs(program: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def logs(with_program: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Files that documents name."""
     folder = tmp_path_factory.mktemp("logs")
 
@@ -161,13 +161,11 @@ def logs(program: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
         reactsim.command("generate", **options)
 
     (folder / "logs").mkdir()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("REACTSIM_BINARY", program)
-        generate(folder / "training.tfrecord", count=5)
-        generate(folder / "training_20s.tfrecord", count=2, history=21, future="20s")
-        # So many that there are cyclists.
-        generate(folder / "logs" / "a.parquet", count=60)
-        reactsim.command("convert", MINI, out=folder / "scenarios.parquet", progress=False)
+    generate(folder / "training.tfrecord", count=5)
+    generate(folder / "training_20s.tfrecord", count=2, history=21, future="20s")
+    # So many that there are cyclists.
+    generate(folder / "logs" / "a.parquet", count=60)
+    reactsim.command("convert", MINI, out=folder / "scenarios.parquet", progress=False)
     (folder / "rollouts.json").write_text(json.dumps(ROLLOUTS), "utf-8")
     (folder / "deviations.parquet.decisions.jsonl").touch()
     return folder
@@ -188,8 +186,7 @@ def test_commands_run_as_pasted(path: Path, program: str, logs: Path, tmp_path: 
     shutil.copytree(logs, home)
     programs.mkdir()
     (programs / "reactsim").symlink_to(program)
-    (programs / "python").write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
-    (programs / "python").chmod(0o755)
+    executable(programs / "python", f'exec "{sys.executable}" "$@"')
     environment = {
         **os.environ,
         "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}",

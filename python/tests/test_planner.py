@@ -69,13 +69,13 @@ class Program(Loopback):
         return self.ask("plan", {"frame": str(frame), "steps": str(steps)}, tensors)
 
 
-def started() -> Tuple[Program, Straight]:
-    """Returns an episode with three agents, and its planner."""
+def begun() -> Tuple[Straight, Program]:
+    """Returns a planner with an episode of 3 agents, whose handle is 1."""
     planner = Straight()
     program = Program(planner)
     program.hello()
     program.start(1, 3, [0])
-    return program, planner
+    return planner, program
 
 
 def test_episodes_are_kept_apart() -> None:
@@ -112,7 +112,7 @@ def test_episodes_are_kept_apart() -> None:
     ],
 )
 def test_answers_are_checked(answer: Any, part: str) -> None:
-    program, planner = started()
+    planner, program = begun()
     planner.answer = answer
     text, tensors = program.drive(1, 3, 10, 0, 5)
     if answer is None:
@@ -132,7 +132,7 @@ def test_answers_are_checked(answer: Any, part: str) -> None:
     ],
 )
 def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
-    program, planner = started()
+    planner, program = begun()
     planner.answer = reactsim.Trajectory(np.zeros((5, 3)), present)
     text, tensors = program.drive(1, 3, 10, 0, 5)
     if part:
@@ -147,8 +147,8 @@ def test_plans_may_begin_beside_the_av(present: Any, part: str) -> None:
 
 
 def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
+    planner, program = begun()
     ended: List[int] = []
-    program, planner = started()
     program.session.on_end = ended.append
     assert planner.continues is None
     program.drive(1, 3, 10, 0, 5)
@@ -180,7 +180,7 @@ def test_episodes_continue_others_when_agents_enter_or_leave() -> None:
 def test_wrong_continuations_are_refused(
     changed: Dict[str, str], slots: List[int], part: str
 ) -> None:
-    program, _ = started()
+    _, program = begun()
     continues = {"continues": "1", "continued_frame": "14", **changed}
     text, _ = program.start(2, 3, [0], continues, slots)
     assert text["type"] == "failed" and part in text["error"], text
@@ -257,10 +257,11 @@ class Beside(Straight):
 @pytest.mark.usefixtures("with_program")
 def test_the_tracker_reaches_a_plan_beside_the_av() -> None:
     planner = Beside()
+    scenario = MINI / "platoon.json"
     results = reactsim.run(
         planner=planner,
         baselines=["log-replay"],
-        scenarios=[MINI / "platoon.json"],
+        scenarios=[scenario],
         progress=False,
         reveal_ids=True,
     )

@@ -8,10 +8,14 @@ import shutil
 import signal
 import sys
 from pathlib import Path
+from typing import Callable, Iterator, Tuple
 
 import numpy as np
 import pytest
 from fakes import EXAMPLES, IMPORTED, Child, make_scenes, roll_out
+
+STOP = (EXAMPLES / "stop.py").read_text()
+Positions = Iterator[Tuple[float, float]]
 
 NOISY = """
 import os
@@ -43,43 +47,37 @@ if __name__ == "__main__":
 """
 
 
-def constant_velocity(states: np.ndarray, steps: int) -> np.ndarray:
-    """Computes like the baseline of the program, one agent after the other."""
-    plan = np.zeros((*states.shape[:2], steps, 3))
-    for b, agents in enumerate(states):
-        for n, (x, y, heading, vx, vy) in enumerate(agents.tolist()):
-            if not (np.isfinite(vx) and np.isfinite(vy)):
-                vx = vy = 0.0
-            for k in range(steps):
-                time = 0.1 * float(k + 1)
-                plan[b, n, k] = x + vx * time, y + vy * time, heading
-    return plan
+def constant_velocity(x: float, y: float, vx: float, vy: float, steps: int) -> Positions:
+    for k in range(steps):
+        time = 0.1 * float(k + 1)
+        yield x + vx * time, y + vy * time
 
 
-def stop(states: np.ndarray, steps: int) -> np.ndarray:
-    """Computes like the baseline of the program, one agent after the other."""
-    plan = np.zeros((*states.shape[:2], steps, 3))
-    for b, agents in enumerate(states):
-        for n, (x, y, heading, vx, vy) in enumerate(agents.tolist()):
-            if not (np.isfinite(vx) and np.isfinite(vy)):
-                vx = vy = 0.0
-            for k in range(steps):
-                speed = (vx * vx + vy * vy) ** 0.5
-                slower = max(speed - 3.4 * 0.1, 0.0)
-                if speed > 0.0:
-                    vx, vy = vx * (slower / speed), vy * (slower / speed)
-                x, y = x + vx * 0.1, y + vy * 0.1
-                plan[b, n, k] = x, y, heading
-    return plan
+def stop(x: float, y: float, vx: float, vy: float, steps: int) -> Positions:
+    for _ in range(steps):
+        speed = (vx * vx + vy * vy) ** 0.5
+        slower = max(speed - 3.4 * 0.1, 0.0)
+        if speed > 0.0:
+            vx, vy = vx * (slower / speed), vy * (slower / speed)
+        x, y = x + vx * 0.1, y + vy * 0.1
+        yield x, y
 
 
-@pytest.mark.parametrize(
-    ("example", "reference"), [("constant_velocity", constant_velocity), ("stop", stop)]
-)
+@pytest.mark.parametrize("reference", [constant_velocity, stop])
 @pytest.mark.parametrize("steps", [1, 5, 40])
-def test_examples(example: str, reference: object, steps: int) -> None:
-    assert callable(reference)
-    with Child(str(EXAMPLES / f"{example}.py")) as child:
+def test_examples(reference: Callable[..., Positions], steps: int) -> None:
+    """Examples compute like the baselines of the program, one agent after the other."""
+
+    def planned(states: np.ndarray, steps: int) -> np.ndarray:
+        plan = np.zeros((*states.shape[:2], steps, 3))
+        for place in np.ndindex(states.shape[:2]):
+            x, y, plan[(*place, slice(None), 2)], vx, vy = states[place].tolist()
+            if not (np.isfinite(vx) and np.isfinite(vy)):
+                vx = vy = 0.0
+            plan[(*place, slice(None), slice(2))] = list(reference(x, y, vx, vy, steps))
+        return plan
+
+    with Child(str(EXAMPLES / f"{reference.__name__}.py")) as child:
         assert child.hello()["type"] == "welcome"
         for seed in range(2):
             tensors = make_scenes(seed=seed)
@@ -88,19 +86,11 @@ def test_examples(example: str, reference: object, steps: int) -> None:
             # The states that the simulator saw at each plan, and its answer, to the last bit.
             for k, plan in enumerate(plans):
                 seen = states[:, :, 10 + k * steps]
-                expected = reference(seen, plan.shape[2])
+                expected = planned(seen, plan.shape[2])
                 used = np.arange(seen.shape[1]) < tensors["n_agents"][:, None]
                 assert plan[used].tobytes() == expected[used].tobytes()
         child.bye()
         assert child.wait() == (0, "")
-
-
-def plays_stop(child: Child) -> None:
-    """Plays a batch with the example `stop.py`."""
-    assert child.hello()["name"] == "stop-py"
-    roll_out(child, make_scenes())
-    child.bye()
-    assert child.wait() == (0, "")
 
 
 def test_end_of_input() -> None:
@@ -149,34 +139,33 @@ def test_prints_do_not_break_the_protocol(how: str, tmp_path: Path) -> None:
         assert part in errors
 
 
+def check_stop(folder: Path, script: str, **env: str) -> None:
+    """Asserts that a script serves the simulator of the example."""
+    (folder / "mine.py").write_text(script)
+    with Child(str(folder / "mine.py"), env=env) as child:
+        assert child.hello()["name"] == "stop-py"
+        roll_out(child, make_scenes())
+        child.bye()
+        assert child.wait() == (0, "")
+
+
 def test_a_script_that_runs_its_simulator_serves_it_too(tmp_path: Path) -> None:
-    text = (EXAMPLES / "stop.py").read_text()
-    text = re.sub(
-        r"reactsim\.serve\((\w+\(\))\)", r"print(reactsim.run(\1, limit=1).table())", text
-    )
-    (tmp_path / "mine.py").write_text(text + '    print("after")\n')
-    with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
-        plays_stop(child)
+    runs = r"print(reactsim.run(\1, limit=1).table())"
+    text = re.sub(r"reactsim\.serve\((\w+\(\))\)", runs, STOP)
+    check_stop(tmp_path, text + '    print("after")\n', REACTSIM_EXTERNAL="1")
 
 
 def test_copied_client(tmp_path: Path) -> None:
     """The client works as a single file in another repository."""
-    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path / "client.py")
-    text = (EXAMPLES / "stop.py").read_text()
-    text = text.replace("import reactsim", "import client as reactsim")
-    (tmp_path / "mine.py").write_text(text)
-    with Child(str(tmp_path / "mine.py"), env={"PYTHONPATH": str(tmp_path)}) as child:
-        plays_stop(child)
+    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path)
+    text = STOP.replace("import reactsim", "import client as reactsim")
+    check_stop(tmp_path, text, PYTHONPATH=str(tmp_path))
 
 
 def test_two_copies_of_the_client(tmp_path: Path) -> None:
     """A copy of the client that did not claim the streams uses those of the copy that did."""
-    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path / "client.py")
-    text = "import client\n" + (EXAMPLES / "stop.py").read_text()
-    (tmp_path / "mine.py").write_text(text)
-    with Child(str(tmp_path / "mine.py"), env={"REACTSIM_EXTERNAL": "1"}) as child:
-        assert child.hello()["name"] == "stop-py"
-        assert child.wait() == (0, "")
+    shutil.copy(IMPORTED / "reactsim" / "client.py", tmp_path)
+    check_stop(tmp_path, "import client\n" + STOP, REACTSIM_EXTERNAL="1")
 
 
 def test_broken_frames() -> None:

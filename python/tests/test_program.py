@@ -118,16 +118,6 @@ def test_scenarios() -> None:
         list(reactsim.scenarios("not-there"))
 
 
-def test_rollouts() -> None:
-    pytest.importorskip("pyarrow")
-    results = reactsim.run(Stop(), MINI, limit=1, progress=False)
-    scenarios = {s.id: s for s in reactsim.scenarios(MINI)}
-    for rollout in results.rollouts():
-        scenario = scenarios[rollout.scenario]
-        assert set(rollout.agents) <= set(scenario.agents)
-        assert rollout.states.shape == (len(rollout.agents), 80, 5)
-
-
 def test_notebook() -> None:
     nbformat = pytest.importorskip("nbformat")
     nbclient = pytest.importorskip("nbclient")

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 import reactsim
 import reactsim.ray
-from fakes import EXAMPLES, IMPORTED, MINI, is_running
-from reactsim.program import call
+from fakes import EXAMPLES, IMPORTED, MINI, executable, is_running
+from reactsim.program import invoke
 from reactsim.ray import run_partitions
 
-program_needed = [pytest.mark.program, pytest.mark.usefixtures("with_program")]
 pytestmark = [
-    *program_needed,
+    pytest.mark.program,
+    pytest.mark.usefixtures("with_program"),
     pytest.mark.skipif(sys.platform == "win32", reason="signals and shell scripts"),
 ]
 
@@ -48,9 +48,8 @@ def whole(program: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def case(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The file `case.sh`, which a stand-in for the program runs before the program."""
-    path, case = tmp_path / "wrapper", tmp_path / "case.sh"
-    path.write_text(f'#!/bin/sh\n. "{case}"\nexec "{program}" "$@"\n')
-    path.chmod(0o755)
+    case = tmp_path / "case.sh"
+    path = executable(tmp_path / "wrapper", f'. "{case}"\nexec "{program}" "$@"')
     monkeypatch.setenv("REACTSIM_BINARY", str(path))
     return case
 
@@ -68,7 +67,7 @@ class TestProcesses:
         whole.parent.mkdir()
         command = ["generate", "--preset", "train", "--count", "3"]
         run_partitions(tmp_path / "parts", [*command, f"--out={out}"], partitions=2)
-        call([*command, "--out", str(whole)])
+        invoke([*command, "--out", str(whole)])
         assert filecmp.cmp(out, whole, shallow=False)
 
     def test_repeated_partitions(
@@ -192,5 +191,5 @@ def test_slurm(program: str, whole: Path, tmp_path: Path) -> None:
     for task in (1, 2, 3, 2):
         slurm = {"SLURM_ARRAY_TASK_ID": str(task), "SLURM_ARRAY_TASK_COUNT": "3"}
         subprocess.run(script, check=True, env={**env, **slurm}, stdout=subprocess.DEVNULL)
-    call(["merge", *map(str, sorted(parts.iterdir())), "--out", str(out)])
+    invoke(["merge", *map(str, sorted(parts.iterdir())), "--out", str(out)])
     assert_equal(whole, out)

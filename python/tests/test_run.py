@@ -15,6 +15,7 @@ from typing import Any, Callable, List
 import numpy as np
 import pytest
 import reactsim
+from fakes import executable
 from stop import Stop
 
 
@@ -126,19 +127,14 @@ def test_missing_program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
     monkeypatch.setattr("sysconfig.get_path", lambda *_: str(tmp_path))
     with pytest.raises(reactsim.ReactsimError, match="was not found"):
         reactsim.scenarios()
-    done = tmp_path / "reactsim"
-    done.write_text("#!/bin/sh\n")
-    done.chmod(0o755)
+    done = executable(tmp_path / "reactsim", "")
     assert reactsim.find_program() == str(done)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="scripts")
 def test_other_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    done, broken = tmp_path / "done", tmp_path / "broken"
-    done.write_text("#!/bin/sh\n")
-    broken.write_text("#!/no/such/interpreter\n")
-    for path in (done, broken):
-        path.chmod(0o755)
+    done = executable(tmp_path / "done", "")
+    broken = executable(tmp_path / "broken", "", "/no/such/interpreter")
     # The process that scores arrays runs already, and is another program's.
     with pytest.raises(reactsim.ReactsimError, match="no scenario could be scored"):
         reactsim.wosac([], [])

@@ -16,6 +16,8 @@ import reactsim
 from fakes import ROOT
 from reactsim.wosac import score_run
 
+SHARED = ROOT.parent / "shared"
+
 
 @pytest.mark.parametrize(
     ("ids", "shape", "fault"),
@@ -31,17 +33,11 @@ def test_other_arrays_are_refused(ids: list[float], shape: tuple[int, ...], faul
         reactsim.wosac([], reactsim.WosacRollouts("a", ids, np.zeros(shape)))
 
 
-def shared(scenario_id: str) -> Path:
-    """Returns the file of a shared scenario; the test is skipped without it."""
-    scenario = ROOT.parent / "shared" / "wosac_golden" / f"{scenario_id}.scenario.binproto.zst"
-    if not scenario.is_file():
-        pytest.skip("the shared data are missing")
-    return scenario
-
-
 def recording(path: Path) -> Path:
     """Writes the recording of a shared scenario as a TFRecord."""
-    scenario = shared("ee519cf571686d19")
+    scenario = SHARED / "wosac_golden" / "ee519cf571686d19.scenario.binproto.zst"
+    if not scenario.is_file():
+        pytest.skip("the shared data are missing")
     pyarrow = pytest.importorskip("pyarrow")
     data = pyarrow.input_stream(scenario, compression="zstd").read()
     length = struct.pack("<Q", len(data))
@@ -210,7 +206,9 @@ def test_runs_arrays_and_submissions_have_the_same_scores(
 
 @pytest.mark.usefixtures("with_program")
 def test_scores_are_those_of_the_program() -> None:
-    scenario = shared("637f20cafde22ff8")
+    scenario = SHARED / "wosac_golden" / "637f20cafde22ff8.scenario.binproto.zst"
+    if not scenario.is_file():
+        pytest.skip("the shared data are missing")
     # Every object stays where the map's origin is: a wrong answer with defined scores.
     with pytest.raises(reactsim.ReactsimError, match="object_id"):
         reactsim.wosac(
