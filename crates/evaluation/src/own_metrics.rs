@@ -9,7 +9,6 @@ use reactsim_metrics::Score;
 use serde::Deserialize;
 
 use crate::error::EvaluationError;
-use crate::folder::completion::complete;
 use crate::folder::{
     RunFolder, cannot_read, for_lines, line, read_provenance, read_rows, read_summary, replace, tally_of,
 };
@@ -89,7 +88,7 @@ impl AddedMetrics {
             rows.iter().try_for_each(|row| out.write_all(line(row).as_bytes()))
         })?;
         run.put(PROVENANCE, &provenance.to_json())?;
-        complete(&run, &tally, failures, &summary, false)?;
+        run.complete(&tally, failures, &summary, false)?;
         Ok((run, summary))
     }
 
