@@ -22,11 +22,10 @@ pub(crate) fn in_batch<'c>(
     choices: impl Iterator<Item = &'c Vec<Choice>>,
     firsts: impl Iterator<Item = usize>,
 ) -> Vec<Choice> {
-    let shifted = |(own, first): (&Vec<Choice>, usize)| {
-        let shifted = |c: &Choice| Choice { drawn: Target { row: c.drawn.row + first, ..c.drawn }, ..*c };
-        own.iter().map(shifted).collect::<Vec<_>>()
+    let in_batch = |(own, first): (&'c Vec<Choice>, usize)| {
+        own.iter().map(move |choice| Choice { drawn: choice.drawn.in_batch(first), ..*choice })
     };
-    choices.zip(firsts).flat_map(shifted).collect()
+    choices.zip(firsts).flat_map(in_batch).collect()
 }
 
 /// Returns the negative log-likelihood of drawn tokens, weighted by their advantages, plus `anchor` times the

@@ -25,6 +25,22 @@ pub(crate) struct Target {
     pub weight: f32,
 }
 
+impl Target {
+    /// Returns the target in a batch in which the first node of its sample is in this row.
+    pub(crate) fn in_batch(self, first: usize) -> Self {
+        Self { row: self.row + first, ..self }
+    }
+}
+
+/// Returns the row of the first node of each sample in a batch, from the numbers of their nodes.
+pub(crate) fn first_rows(nodes: impl Iterator<Item = usize>) -> impl Iterator<Item = usize> {
+    nodes.scan(0, |next, count| {
+        let first = *next;
+        *next += count;
+        Some(first)
+    })
+}
+
 /// Agent and frame of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Chooser {
