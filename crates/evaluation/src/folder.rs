@@ -349,11 +349,14 @@ pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
 /// [`EvaluationError`] if there is no run, it is not finished, or its files are damaged.
 pub fn read_tally(folder: &Path) -> Result<Tally, EvaluationError> {
     let run = read_summary(folder)?.provenance.run;
-    let rows = read_rows(folder)?;
-    let (tally, dropped) = tally_of(&run, &rows);
-    match dropped {
-        None => Ok(tally),
-        Some((scenario, simulator)) => {
+    whole_tally(folder, &run, &read_rows(folder)?)
+}
+
+/// Returns the values of the rows of a finished run, all of which must be complete.
+pub(super) fn whole_tally(folder: &Path, run: &Provenance, rows: &[Row]) -> Result<Tally, EvaluationError> {
+    match tally_of(run, rows) {
+        (tally, None) => Ok(tally),
+        (_, Some((scenario, simulator))) => {
             Err(EvaluationError::IncompleteRows { path: folder.to_owned(), scenario, simulator })
         }
     }

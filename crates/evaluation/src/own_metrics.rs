@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use crate::error::EvaluationError;
 use crate::folder::{
-    RunFolder, cannot_read, for_lines, line, read_provenance, read_rows, read_summary, replace, tally_of,
+    RunFolder, cannot_read, for_lines, line, read_provenance, read_rows, read_summary, replace, whole_tally,
 };
 use crate::layout::{EVENTS, PROVENANCE, ROLLOUTS, ROWS};
 use crate::metric_record::{MetricRecord, checked};
@@ -67,10 +67,7 @@ impl AddedMetrics {
             Ok(record.map(|record| record.agent_ids.into_iter().collect()))
         };
         let lines = added.fill(&mut rows, agents).map_err(unfit)?;
-        let (tally, dropped) = tally_of(&provenance, &rows);
-        if let Some((scenario, simulator)) = dropped {
-            return Err(EvaluationError::IncompleteRows { path: folder.to_owned(), scenario, simulator });
-        }
+        let tally = whole_tally(folder, &provenance, &rows)?;
         let failures = &old.provenance.failures;
         let mut summary = Summary::new(&tally, failures, &provenance);
         // Results of an earlier program lack metrics that were added since.
