@@ -31,11 +31,11 @@ impl TokenTables {
 
 /// Selects rows of a table.
 pub(super) fn pick(table: &Tensor<2>, rows: impl Iterator<Item = usize>) -> Tensor<2> {
-    let rows = indices(rows, &table.device());
-    if rows.dims()[0] == 0 {
+    let mut rows = rows.peekable();
+    if rows.peek().is_none() {
         return Tensor::zeros([0, table.dims()[1]], &table.device());
     }
-    table.clone().select(0, rows)
+    table.clone().select(0, indices(rows, &table.device()))
 }
 
 /// Converts rows of numbers to a tensor.
