@@ -83,7 +83,7 @@ impl RunFolder {
     }
 
     fn begin(path: &Path, lock: FolderLock, provenance: &Provenance) -> Result<Self, EvaluationError> {
-        replace(&path.join(PROVENANCE), |out| out.write_all(provenance.to_json().as_bytes()))?;
+        write_json(&path.join(PROVENANCE), provenance)?;
         Self::open(path, lock)
     }
 

@@ -11,6 +11,7 @@ use serde::Deserialize;
 use crate::error::EvaluationError;
 use crate::folder::{
     RunFolder, cannot_read, for_lines, line, read_provenance, read_rows, read_summary, replace, whole_tally,
+    write_json,
 };
 use crate::layout::{EVENTS, PROVENANCE, ROLLOUTS, ROWS};
 use crate::metric_record::{MetricRecord, checked};
@@ -84,7 +85,7 @@ impl AddedMetrics {
         replace(&folder.join(ROWS), |out| {
             rows.iter().try_for_each(|row| out.write_all(line(row).as_bytes()))
         })?;
-        run.put(PROVENANCE, &provenance.to_json())?;
+        write_json(&folder.join(PROVENANCE), &provenance)?;
         run.complete(&tally, failures, &summary, false)?;
         Ok((run, summary))
     }

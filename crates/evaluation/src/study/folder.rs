@@ -7,7 +7,9 @@ use reactsim_files::FolderLock;
 use super::file::read;
 use super::{Member, Study, StudyPlan};
 use crate::error::EvaluationError;
-use crate::folder::{RunFolder, is_unbegun, lock, lock_unbegun, read_summary, read_tally, replace};
+use crate::folder::{
+    RunFolder, is_unbegun, lock, lock_unbegun, read_summary, read_tally, replace, write_json,
+};
 use crate::layout::{FAILURES, PROVENANCE, ROLLOUTS, STUDY, SUMMARY, TABLE};
 use crate::provenance::Provenance;
 use crate::statistics::tally::Tally;
@@ -72,7 +74,7 @@ impl StudyFolder {
     }
 
     fn begin(path: &Path, lock: FolderLock, study: &Study) -> Result<Self, EvaluationError> {
-        replace(&path.join(STUDY), |out| out.write_all(study.to_json().as_bytes()))?;
+        write_json(&path.join(STUDY), study)?;
         Ok(Self { path: path.to_owned(), _lock: lock })
     }
 
