@@ -529,6 +529,7 @@ impl Runner<'_> {
         format!("{}: record {}: {text}", self.plan.sources[place.input].file.name, place.record)
     }
 
+    /// Records the failure of a simulator in a scenario.
     fn fail_pair(
         &self,
         ready: &PreparedScenario,
