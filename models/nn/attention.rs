@@ -110,21 +110,9 @@ impl RelationalAttention {
     /// - `destinations`: [N, h], raw; `sources`: [M, h], from [`RelationalAttention::sources`].
     /// - `neighbors`: up to K sources for each destination. A destination without sources uses only
     ///   its own transform.
-    /// - `relations`: [N, K, r], one vector per slot. They must be [`normalize`](super::normalize)d
-    ///   if and only if the layer has `relation_norm`.
+    /// - `relations`: [N, K, r], one vector per slot, which several layers can share. They must be
+    ///   [`normalize`](super::normalize)d if and only if the layer has `relation_norm`.
     pub fn forward(
-        &self,
-        destinations: Tensor<2>,
-        sources: Tensor<2>,
-        neighbors: &Neighbors,
-        relations: Tensor<3>,
-        noise: &mut Noise,
-    ) -> Tensor<2> {
-        self.forward_with(destinations, sources, neighbors, &Relations::new(relations), noise)
-    }
-
-    /// Like [`RelationalAttention::forward`], with relations that several layers share.
-    pub fn forward_with(
         &self,
         destinations: Tensor<2>,
         sources: Tensor<2>,

@@ -122,6 +122,6 @@ impl LinkTensors {
         sources: Tensor<2>,
         relation: &Relations,
     ) -> Tensor<2> {
-        layer.forward_with(nodes, sources, &self.neighbors, relation, &mut Noise::none())
+        layer.forward(nodes, sources, &self.neighbors, relation, &mut Noise::none())
     }
 }

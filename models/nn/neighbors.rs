@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 use burn::tensor::{Device, IndexingUpdateOp, Int, Tensor, TensorData};
 
 use super::host::Slots;
+use super::rows::indices;
 
 /// Up to K sources for each of N destinations; the remaining slots of a row are closed. A list of
 /// edges is converted to this form so that attention consists of gathers and dense products.
@@ -105,13 +106,14 @@ impl Neighbors {
     fn tensors(&self) -> &SlotTensors {
         self.rows.tensors.get_or_init(|| {
             let (n, k, rows) = (self.destinations, self.slots, &self.rows);
-            let pair = |(slot, source): (usize, &u32)| source * n as u32 + (slot / k) as u32;
+            let number = |value: &u32| *value as usize;
+            let pair = |(slot, source): (usize, &u32)| *source as usize * n + slot / k;
             let closed: Vec<f32> = rows.open.iter().map(|&o| if o { 0.0 } else { CLOSED_SCORE }).collect();
             let device = self.any.device();
             SlotTensors {
-                source: ints(rows.sources.iter().copied(), &device),
-                pair: ints(rows.sources.iter().enumerate().map(pair), &device),
-                edge: ints(rows.edges.iter().copied(), &device),
+                source: indices(rows.sources.iter().map(number), &device),
+                pair: indices(rows.sources.iter().enumerate().map(pair), &device),
+                edge: indices(rows.edges.iter().map(number), &device),
                 closed: Tensor::from_data(TensorData::new(closed, [n, 1, k]), &device),
             }
         })
@@ -193,10 +195,4 @@ impl Rows {
         let numbers = (0..open.len() as u32).collect();
         Self { sources, edges, numbers, open, tensors: OnceLock::new() }
     }
-}
-
-fn ints(values: impl ExactSizeIterator<Item = u32>, device: &Device) -> Tensor<1, Int> {
-    let length = values.len();
-    let values: Vec<i32> = values.map(|value| value as i32).collect();
-    Tensor::from_data(TensorData::new(values, [length]), device)
 }

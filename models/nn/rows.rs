@@ -3,13 +3,20 @@
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::activation::{self, relu};
 use burn::tensor::module::layer_norm;
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use super::fused;
 use super::host::{self, RowPass, is_host};
 
 /// Constant added to the variances of layer norms, dimensionless; value of the published networks.
 const NORM_EPSILON: f64 = 1e-5;
+
+/// Returns a tensor of indices.
+pub fn indices(values: impl IntoIterator<Item = usize>, device: &Device) -> Tensor<1, Int> {
+    let values: Vec<i32> = values.into_iter().map(|value| value as i32).collect();
+    let count = values.len();
+    Tensor::from_data(TensorData::new(values, [count]), device)
+}
 
 /// A matrix and operations on its rows, which give a matrix `[n, width]`. Without gradients, in host
 /// memory, this is one pass; otherwise these are operations of the backend.

@@ -2,6 +2,7 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use reactsim_nn::indices;
 use reactsim_nn::perception::Class;
 use reactsim_nn::training::{Output, Sums};
 
@@ -21,11 +22,10 @@ pub(crate) fn in_batch<'c>(
     choices: impl Iterator<Item = &'c Vec<Choice>>,
     firsts: impl Iterator<Item = usize>,
 ) -> Vec<Choice> {
-    let shifted = |(own, first): (&Vec<Choice>, usize)| {
-        let shifted = |c: &Choice| Choice { drawn: Target { row: c.drawn.row + first, ..c.drawn }, ..*c };
-        own.iter().map(shifted).collect::<Vec<_>>()
+    let in_batch = |(own, first): (&'c Vec<Choice>, usize)| {
+        own.iter().map(move |choice| Choice { drawn: choice.drawn.in_batch(first), ..*choice })
     };
-    choices.zip(firsts).flat_map(shifted).collect()
+    choices.zip(firsts).flat_map(in_batch).collect()
 }
 
 /// Returns the negative log-likelihood of drawn tokens, weighted by their advantages, plus `anchor` times the
@@ -48,17 +48,13 @@ pub(crate) fn policy_loss(
         if own.is_empty() {
             continue;
         }
-        let ints = |values: Vec<i32>| {
-            let n = values.len();
-            Tensor::<1, Int>::from_data(TensorData::new(values, [n]), device)
-        };
         let column = |value: fn(&Choice) -> f32| {
             let values: Vec<f32> = own.iter().map(|c| value(c)).collect();
             Tensor::<2>::from_data(TensorData::new(values, [own.len(), 1]), device)
         };
         weight += own.iter().map(|c| f64::from(c.drawn.weight)).sum::<f64>();
-        let rows = ints(own.iter().map(|c| c.drawn.row as i32).collect());
-        let tokens = ints(own.iter().map(|c| c.drawn.token as i32).collect()).unsqueeze_dim::<2>(1);
+        let rows = indices(own.iter().map(|c| c.drawn.row), device);
+        let tokens = indices(own.iter().map(|c| c.drawn.token), device).unsqueeze_dim::<2>(1);
         let log_p = log_softmax(scores(class, rows.clone()), 1);
         // A metric only: no gradients needed.
         let plain = log_p.clone().inner();

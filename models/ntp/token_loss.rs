@@ -2,6 +2,7 @@
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use reactsim_nn::indices;
 use reactsim_nn::learning::LearningScene;
 use reactsim_nn::perception::Class;
 use reactsim_nn::training::{Output, Sums};
@@ -22,6 +23,22 @@ pub(crate) struct Target {
     pub token: usize,
     /// Weight in the loss.
     pub weight: f32,
+}
+
+impl Target {
+    /// Returns the target in a batch in which the first node of its sample is in this row.
+    pub(crate) fn in_batch(self, first: usize) -> Self {
+        Self { row: self.row + first, ..self }
+    }
+}
+
+/// Returns the row of the first node of each sample in a batch, from the numbers of their nodes.
+pub(crate) fn first_rows(nodes: impl Iterator<Item = usize>) -> impl Iterator<Item = usize> {
+    nodes.scan(0, |next, count| {
+        let first = *next;
+        *next += count;
+        Some(first)
+    })
 }
 
 /// Agent and frame of a target.
@@ -53,12 +70,8 @@ pub(crate) fn token_loss(
         if own.is_empty() {
             continue;
         }
-        let ints = |values: Vec<i32>| {
-            let n = values.len();
-            Tensor::<1, Int>::from_data(TensorData::new(values, [n]), device)
-        };
-        let rows = ints(own.iter().map(|t| t.row as i32).collect());
-        let labels = ints(own.iter().map(|t| t.token as i32).collect());
+        let rows = indices(own.iter().map(|t| t.row), device);
+        let labels = indices(own.iter().map(|t| t.token), device);
         let values: Vec<f32> = own.iter().map(|t| t.weight).collect();
         weight += values.iter().map(|&w| f64::from(w)).sum::<f64>();
         let weights = Tensor::<2>::from_data(TensorData::new(values, [own.len(), 1]), device);

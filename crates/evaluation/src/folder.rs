@@ -2,7 +2,6 @@
 
 pub(crate) mod finished_run;
 pub(crate) mod long_tables;
-pub(crate) mod completion;
 pub(crate) mod rollouts;
 pub(crate) mod rows_table;
 mod spec_file;
@@ -30,8 +29,8 @@ use crate::summary::Summary;
 /// Name of the folder of rollouts that are not yet joined.
 const PARTS: &str = "parts";
 
-/// A run folder that is being written. Rows and events are appended as they are produced;
-/// [`RunFolder::finish`] sorts them.
+/// A run folder that is being written. Rows and events are appended as they are produced, and sorted when the
+/// run is finished.
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
@@ -60,7 +59,7 @@ impl RunFolder {
         // A refused folder is not written to; what it contains is certain when it is locked.
         Self::is_of(path, provenance)?;
         let lock = lock(path)?;
-        if is_unbegun(path) {
+        if is_unbegun(path, PROVENANCE) {
             return Self::begin(path, lock, provenance);
         }
         Self::is_of(path, provenance)?;
@@ -74,7 +73,7 @@ impl RunFolder {
     /// # Errors
     /// [`EvaluationError`] if it contains anything else, or a run with other settings; names the setting.
     pub(crate) fn is_of(path: &Path, provenance: &Provenance) -> Result<(), EvaluationError> {
-        if is_unbegun(path) {
+        if is_unbegun(path, PROVENANCE) {
             return Ok(());
         }
         match read_provenance(path)?.difference(provenance) {
@@ -84,7 +83,7 @@ impl RunFolder {
     }
 
     fn begin(path: &Path, lock: FolderLock, provenance: &Provenance) -> Result<Self, EvaluationError> {
-        replace(&path.join(PROVENANCE), |out| out.write_all(provenance.to_json().as_bytes()))?;
+        write_json(&path.join(PROVENANCE), provenance)?;
         Self::open(path, lock)
     }
 
@@ -139,19 +138,31 @@ impl RunFolder {
     }
 
     /// Removes the rollouts that are not yet joined.
-    ///
-    /// # Errors
-    /// [`EvaluationError::Write`].
-    pub(crate) fn remove_parts(&self) -> Result<(), EvaluationError> {
+    fn remove_parts(&self) -> Result<(), EvaluationError> {
         let folder = self.path.join(PARTS);
         removed(fs::remove_dir_all(&folder), &folder)
     }
 
+    /// Sorts rows and events and writes them as tables, joins the rollouts if they are kept, and writes the
+    /// summary, whose existence marks the folder as finished.
+    pub(crate) fn complete(
+        &self,
+        tally: &Tally,
+        failures: &[Failure],
+        summary: &Summary,
+        keep_rollouts: bool,
+    ) -> Result<(), EvaluationError> {
+        self.sort(tally, failures)?;
+        long_tables::write(&self.path, &tally.metrics)?;
+        if keep_rollouts {
+            rollouts::join_parts(self, tally)?;
+        }
+        self.put(SUMMARY, &summary.to_json())?;
+        self.remove_parts()
+    }
+
     /// Sorts the rows and events of the tally's scenarios into canonical order and writes the failures.
-    ///
-    /// # Errors
-    /// [`EvaluationError`] if a file cannot be read or written; the old file is then left unchanged.
-    pub fn finish(&self, tally: &Tally, failures: &[Failure]) -> Result<(), EvaluationError> {
+    fn sort(&self, tally: &Tally, failures: &[Failure]) -> Result<(), EvaluationError> {
         for name in [ROWS, EVENTS] {
             let path = self.path.join(name);
             let mut lines = index(&path, tally)?;
@@ -254,7 +265,7 @@ pub(super) fn lock(path: &Path) -> Result<FolderLock, EvaluationError> {
 /// Creates a folder, if it is absent, and locks it. A folder in which the file `first` or others exist is refused,
 /// and not written to.
 pub(super) fn lock_unbegun(path: &Path, first: &str) -> Result<FolderLock, EvaluationError> {
-    let check = || match is_unbegun_with(path, first) || !path.is_dir() {
+    let check = || match is_unbegun(path, first) || !path.is_dir() {
         true => Ok(()),
         false => Err(EvaluationError::Resumable(format!(
             "{} exists and is not empty: continue the run in it, or choose another folder",
@@ -268,14 +279,9 @@ pub(super) fn lock_unbegun(path: &Path, first: &str) -> Result<FolderLock, Evalu
     Ok(lock)
 }
 
-/// Returns whether a folder is absent or empty, or was left by a run that was killed before it began.
-fn is_unbegun(path: &Path) -> bool {
-    is_unbegun_with(path, PROVENANCE)
-}
-
 /// Returns whether a folder is absent or empty, or was left by a process that was killed before it wrote the
 /// file `first`.
-pub(super) fn is_unbegun_with(path: &Path, first: &str) -> bool {
+pub(super) fn is_unbegun(path: &Path, first: &str) -> bool {
     let is_left = |name: &str| name == files::LOCK || files::target_of(name) == Some(first);
     match fs::read_dir(path) {
         Ok(mut entries) => entries.all(|e| e.is_ok_and(|e| is_left(&e.file_name().to_string_lossy()))),
@@ -343,11 +349,14 @@ pub fn read_summary(folder: &Path) -> Result<Summary, EvaluationError> {
 /// [`EvaluationError`] if there is no run, it is not finished, or its files are damaged.
 pub fn read_tally(folder: &Path) -> Result<Tally, EvaluationError> {
     let run = read_summary(folder)?.provenance.run;
-    let rows = read_rows(folder)?;
-    let (tally, dropped) = tally_of(&run, &rows);
-    match dropped {
-        None => Ok(tally),
-        Some((scenario, simulator)) => {
+    whole_tally(folder, &run, &read_rows(folder)?)
+}
+
+/// Returns the values of the rows of a finished run, all of which must be complete.
+pub(super) fn whole_tally(folder: &Path, run: &Provenance, rows: &[Row]) -> Result<Tally, EvaluationError> {
+    match tally_of(run, rows) {
+        (tally, None) => Ok(tally),
+        (_, Some((scenario, simulator))) => {
             Err(EvaluationError::IncompleteRows { path: folder.to_owned(), scenario, simulator })
         }
     }

@@ -9,9 +9,9 @@ use reactsim_metrics::Score;
 use serde::Deserialize;
 
 use crate::error::EvaluationError;
-use crate::folder::completion::complete;
 use crate::folder::{
-    RunFolder, cannot_read, for_lines, line, read_provenance, read_rows, read_summary, replace, tally_of,
+    RunFolder, cannot_read, for_lines, line, read_provenance, read_rows, read_summary, replace, whole_tally,
+    write_json,
 };
 use crate::layout::{EVENTS, PROVENANCE, ROLLOUTS, ROWS};
 use crate::metric_record::{MetricRecord, checked};
@@ -68,10 +68,7 @@ impl AddedMetrics {
             Ok(record.map(|record| record.agent_ids.into_iter().collect()))
         };
         let lines = added.fill(&mut rows, agents).map_err(unfit)?;
-        let (tally, dropped) = tally_of(&provenance, &rows);
-        if let Some((scenario, simulator)) = dropped {
-            return Err(EvaluationError::IncompleteRows { path: folder.to_owned(), scenario, simulator });
-        }
+        let tally = whole_tally(folder, &provenance, &rows)?;
         let failures = &old.provenance.failures;
         let mut summary = Summary::new(&tally, failures, &provenance);
         // Results of an earlier program lack metrics that were added since.
@@ -88,8 +85,8 @@ impl AddedMetrics {
         replace(&folder.join(ROWS), |out| {
             rows.iter().try_for_each(|row| out.write_all(line(row).as_bytes()))
         })?;
-        run.put(PROVENANCE, &provenance.to_json())?;
-        complete(&run, &tally, failures, &summary, false)?;
+        write_json(&folder.join(PROVENANCE), &provenance)?;
+        run.complete(&tally, failures, &summary, false)?;
         Ok((run, summary))
     }
 

@@ -161,12 +161,6 @@ impl Provenance {
         }
     }
 
-    pub(super) fn to_json(&self) -> String {
-        let mut text = serde_json::to_string_pretty(self).expect("provenance is text and numbers");
-        text.push('\n');
-        text
-    }
-
     /// Returns the first setting in which two runs differ, with its value in each. Settings of the command
     /// come before what follows from them: a limit leaves out inputs, for example.
     pub fn difference(&self, other: &Self) -> Option<(String, String, String)> {

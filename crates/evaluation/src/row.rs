@@ -7,6 +7,7 @@ use reactsim_scene::{FUTURE, HISTORY, Length, Note, Scenario};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::deviation::labels::DeviationLabels;
+use crate::source::file_record::FileRecord;
 
 /// The position of a record: its input and its index there. Everything that a run writes is sorted by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
@@ -277,22 +278,16 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// Creates the failure of a scenario whose id an earlier one has. `file` and `first` are the names of the
-    /// files of both.
-    pub(super) fn repeated(
+    /// Creates the failure of a record of a file, with all simulators.
+    pub(super) fn new(
         place: RecordPosition,
-        earlier: RecordPosition,
-        scenario: String,
-        file: &str,
-        first: &str,
+        file: &FileRecord,
+        scenario: Option<String>,
+        error: impl ToString,
     ) -> Self {
-        let error = format!(
-            "{file}: record {}: scenario `{scenario}`: the id is taken by record {} of {first}; give each \
-             scenario once",
-            place.record, earlier.record
-        );
         let RecordPosition { input, record } = place;
-        Self { input, record, simulator: None, file: file.to_owned(), scenario: Some(scenario), error }
+        let (file, error) = (file.name.clone(), error.to_string());
+        Self { input, record, simulator: None, file, scenario, error }
     }
 
     /// Returns the position of the record.

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 
-use parking_lot::{Mutex, MutexGuard};
+use parking_lot::Mutex;
 use reactsim_files::work::{MAX_THREADS, Pool};
 use reactsim_formats::UndecodedScenario;
 use reactsim_planning::PlanningMap;
@@ -20,10 +20,9 @@ use crate::av::AvChoice;
 use crate::deviation::labels::DeviationLabels;
 use crate::driver::GivenPlans;
 use crate::error::EvaluationError;
-use crate::folder::completion::complete;
 use crate::folder::rollouts;
 use crate::folder::{RunFolder, line};
-use crate::judge::{PairScores, judge};
+use crate::judge::judge;
 use crate::layout::LEFT_OUT;
 use crate::motion::kind::RolloutCheck;
 use crate::motion::{CheckedScene, Finding};
@@ -100,7 +99,6 @@ pub fn run(
         observer,
         stop,
         supply: Supply::new(&plan.sources, ranges),
-        names: plan.simulators.iter().map(|s| s.id.clone()).collect(),
         done: AtomicUsize::new(0),
         // All threads read the results of an earlier run; those of this run are collected separately.
         before: tally.clone(),
@@ -144,7 +142,7 @@ pub fn run(
         if plan.partition.is_some() {
             folder.put(LEFT_OUT, &line(&omissions))?;
         }
-        complete(folder, &tally, &failures, &summary, plan.spec.keeps_rollouts())?;
+        folder.complete(&tally, &failures, &summary, plan.spec.keeps_rollouts())?;
     }
     Ok(Outcome::Finished(Box::new(summary)))
 }
@@ -180,29 +178,16 @@ fn least_common_multiple(a: usize, b: usize) -> usize {
 /// decides which one is earlier.
 pub(super) fn refuse_repeated(run: &Provenance, tally: &mut Tally) -> Vec<Failure> {
     let repeated = tally.repeated();
-    let name = |place: RecordPosition| &run.inputs[place.input].name;
     let refuse = |(place, earlier): (RecordPosition, RecordPosition)| {
         let entry = tally.entries.remove(&place)?;
-        Some(Failure::repeated(place, earlier, entry.scenario, name(place), name(earlier)))
+        let (file, first) = (&run.inputs[place.input], &run.inputs[earlier.input]);
+        let error = format!(
+            "{}: record {}: scenario `{}`: the id is taken by record {} of {}; give each scenario once",
+            file.name, place.record, entry.scenario, earlier.record, first.name
+        );
+        Some(Failure::new(place, file, Some(entry.scenario), error))
     };
     repeated.into_iter().filter_map(refuse).collect()
-}
-
-fn failure(
-    plan: &Plan,
-    place: RecordPosition,
-    simulator: Option<&str>,
-    scenario: Option<String>,
-    error: String,
-) -> Failure {
-    Failure {
-        input: place.input,
-        record: place.record,
-        simulator: simulator.map(str::to_owned),
-        file: plan.sources[place.input].file.name.clone(),
-        scenario,
-        error,
-    }
 }
 
 struct Runner<'a> {
@@ -214,7 +199,6 @@ struct Runner<'a> {
     observer: &'a dyn RunObserver,
     stop: &'a AtomicBool,
     supply: Supply<'a>,
-    names: Vec<String>,
     done: AtomicUsize,
     before: Tally,
     tally: Mutex<Tally>,
@@ -222,15 +206,6 @@ struct Runner<'a> {
     omissions: Mutex<Omissions>,
     /// The first error that stops the run.
     broken: Mutex<Option<EvaluationError>>,
-}
-
-/// The origin of given motion.
-enum GivenBy<'a> {
-    Deviations,
-    /// A simulator, by id.
-    Simulator(&'a str),
-    /// A planner, by name.
-    Planner(&'a str),
 }
 
 /// A scenario of a batch that is ready to run.
@@ -282,7 +257,7 @@ impl Runner<'_> {
         let mut ready = Vec::with_capacity(records);
         let places: Vec<RecordPosition> = items.iter().map(|item| item.place).collect();
         for item in items {
-            if !(0..self.names.len()).any(|s| self.is_needed(item.place, s, &places)) {
+            if !(0..self.plan.simulators.len()).any(|s| self.is_needed(item.place, s, &places)) {
                 continue;
             }
             match self.prepare(item) {
@@ -294,7 +269,7 @@ impl Runner<'_> {
                 Err(Refused::Run(error)) => return Err(error),
             }
         }
-        for simulator in 0..self.names.len() {
+        for simulator in 0..self.plan.simulators.len() {
             if self.stopped() {
                 return Ok(());
             }
@@ -338,19 +313,19 @@ impl Runner<'_> {
 
     /// Decodes a scenario and checks that it has an AV. `None` for a scenario that is skipped.
     fn prepare(&self, item: UndecodedRecord) -> Result<Option<PreparedScenario>, Refused> {
-        let refuse =
-            |id, error: String| Refused::Record(Box::new(failure(self.plan, item.place, None, id, error)));
+        let file = &self.plan.sources[item.place.input].file;
+        let refuse = |id, error: String| Refused::Record(Box::new(Failure::new(item.place, file, id, error)));
         let decoded = item.content.and_then(UndecodedScenario::decode_with_digest);
         let (scenario, digest) = decoded.map_err(|e| refuse(e.scenario.clone(), e.to_string()))?;
         let selection = &self.plan.selection;
         if !selection.has_id(&scenario.id) {
             return Ok(self.unselected());
         }
-        self.omissions().read(self.plan, [&scenario.id]);
+        self.omissions.lock().read(self.plan, [&scenario.id]);
         let mut allowed = Vec::new();
         if self.plan.policy().is_some() {
             let found = self.plan.check_deviation(&scenario);
-            allowed = self.allow(GivenBy::Deviations, &scenario.id, found).map_err(Refused::Run)?;
+            allowed = self.allow("the file of deviations", &scenario.id, found).map_err(Refused::Run)?;
         }
         let given = Arc::default();
         match self.plan.checked_av(&scenario, &given) {
@@ -371,7 +346,7 @@ impl Runner<'_> {
             }
             Err(NoAv::Missing) if !selection.has_category(None) => Ok(self.unselected()),
             Err(error) if self.plan.skips(&error) => {
-                self.omissions().passed_over += 1;
+                self.omissions.lock().passed_over += 1;
                 Ok(None)
             }
             Err(error) => {
@@ -386,27 +361,24 @@ impl Runner<'_> {
         }
     }
 
-    /// Returns the checks that given motion fails.
+    /// Returns the checks that motion given by `subject` fails.
     ///
     /// # Errors
     /// [`EvaluationError::Resumable`] if one of them is not allowed.
     fn allow(
         &self,
-        by: GivenBy<'_>,
+        subject: &str,
         scenario: &str,
         found: Vec<Finding>,
     ) -> Result<Vec<RolloutCheck>, EvaluationError> {
-        if found.iter().all(|finding| self.plan.spec.subject.motion.allow.contains(&finding.check)) {
+        let allowed = &self.plan.spec.subject.motion.allow;
+        let missing: Vec<&Finding> =
+            found.iter().filter(|finding| !allowed.contains(&finding.check)).collect();
+        if missing.is_empty() {
             return Ok(found.into_iter().map(|finding| finding.check).collect());
         }
-        let missing =
-            found.iter().filter(|finding| !self.plan.spec.subject.motion.allow.contains(&finding.check));
-        let names: Vec<&str> = missing.clone().map(|finding| finding.check.allowance()).collect();
-        let texts: Vec<&str> = missing.map(|finding| finding.text.as_str()).collect();
-        let subject = match by {
-            GivenBy::Deviations => "the file of deviations".to_owned(),
-            GivenBy::Simulator(id) | GivenBy::Planner(id) => format!("`{id}`"),
-        };
+        let names: Vec<&str> = missing.iter().map(|finding| finding.check.allowance()).collect();
+        let texts: Vec<&str> = missing.iter().map(|finding| finding.text.as_str()).collect();
         Err(EvaluationError::Resumable(format!(
             "stopped: the motion of {subject} cannot be judged as it is. Scenario `{scenario}`: {}. \
              Finished rows are kept: mend it and run again in a new folder, or continue with `allow` {}, \
@@ -418,12 +390,8 @@ impl Runner<'_> {
 
     /// Counts a scenario that the selection leaves out.
     fn unselected(&self) -> Option<PreparedScenario> {
-        self.omissions().unselected += 1;
+        self.omissions.lock().unselected += 1;
         None
-    }
-
-    fn omissions(&self) -> MutexGuard<'_, Omissions> {
-        self.omissions.lock()
     }
 
     fn simulate(&self, todo: &[&PreparedScenario], simulator: usize) -> Result<(), EvaluationError> {
@@ -459,7 +427,7 @@ impl Runner<'_> {
             .into_iter()
             .chain(driver.map(|driver| (driver.driver().to_string(), driver.given_up())))
             .find_map(|(name, reason)| Some((name, reason?)))
-            .filter(|_| !self.stop.load(Ordering::Relaxed));
+            .filter(|_| !self.is_interrupted());
         let mut stopped = None;
         for ((ready, rollouts), error) in todo.iter().zip(finished).zip(failed) {
             // Part of a batch that is repeated for another record.
@@ -480,11 +448,7 @@ impl Runner<'_> {
                 // So it is with a rollout that was stopped, and with a simulator that was ended because it
                 // did not answer in time.
                 Some(_) if self.stopped() => {}
-                Some(error) => {
-                    let id = Some(ready.scenario.id.clone());
-                    let text = self.named(ready.place, &error);
-                    self.fail(failure(self.plan, ready.place, Some(&planned.id), id, text))?;
-                }
+                Some(error) => self.fail_pair(ready, &planned.id, &error)?,
             }
         }
         if let Some((simulator, reason)) = given_up {
@@ -512,8 +476,8 @@ impl Runner<'_> {
             let mut failed = ready.allowed.clone();
             if planned.external.is_some() {
                 let given = CheckedScene::of_rollout(&ready.scenario, rollout, without_av);
-                let by = GivenBy::Simulator(&planned.id);
-                failed.extend(self.allow(by, &ready.scenario.id, given.findings())?);
+                let subject = format!("`{}`", planned.id);
+                failed.extend(self.allow(&subject, &ready.scenario.id, given.findings())?);
             }
             if let Some(driver) = self.plan.driver().filter(|driver| driver.is_foreign()) {
                 let plans = ready.given.take(index);
@@ -521,8 +485,8 @@ impl Runner<'_> {
                 let driven = CheckedScene::of_av(&ready.scenario, None, &rollout.tracks[0][history..]);
                 let of_plans: Vec<RolloutCheck> = found.iter().map(|finding| finding.check).collect();
                 found.extend(driven.findings().into_iter().filter(|f| !of_plans.contains(&f.check)));
-                let name = driver.driver().to_string();
-                failed.extend(self.allow(GivenBy::Planner(&name), &ready.scenario.id, found)?);
+                let subject = format!("`{}`", driver.driver());
+                failed.extend(self.allow(&subject, &ready.scenario.id, found)?);
             }
             failed.sort();
             failed.dedup();
@@ -538,19 +502,20 @@ impl Runner<'_> {
         simulator: usize,
         rollouts: Vec<Rollout>,
     ) -> Result<(), EvaluationError> {
-        let scores = self.scores(ready, &rollouts);
+        let id = &self.plan.simulators[simulator].id;
+        let certificate = ready.deviation.certificate.as_ref();
+        let how = (&self.plan.metrics, self.plan.options);
+        let scores = judge(&ready.scenario, certificate, &rollouts, how, ready.av_map.as_ref());
         if let Some(error) = scores.not_finite {
-            let (id, error) = (&ready.scenario.id, format!("scenario `{}`: {error}", ready.scenario.id));
-            let (simulator, error) = (Some(self.names[simulator].as_str()), self.named(ready.place, &error));
-            return self.fail(failure(self.plan, ready.place, simulator, Some(id.clone()), error));
+            return self.fail_pair(ready, id, &format!("scenario `{}`: {error}", ready.scenario.id));
         }
-        let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), &self.names[simulator])
+        let template = Row::about(ready.place, &ready.scenario, ready.digest.clone(), id)
             .with_deviation(&ready.deviation);
         let (rows, events) = scores.rows(template, &rollouts);
         if let Some(folder) = self.folder {
             if self.plan.spec.keeps_rollouts() {
                 let part = folder.part(ready.place, simulator)?;
-                rollouts::write_part(&part, &ready.scenario, &self.names[simulator], &rollouts)?;
+                rollouts::write_part(&part, &ready.scenario, id, &rollouts)?;
             }
             folder.append(&rows, &events)?;
         }
@@ -559,15 +524,22 @@ impl Runner<'_> {
         Ok(())
     }
 
-    fn scores(&self, ready: &PreparedScenario, rollouts: &[Rollout]) -> PairScores {
-        let certificate = ready.deviation.certificate.as_ref();
-        let how = (&self.plan.metrics, self.plan.options);
-        judge(&ready.scenario, certificate, rollouts, how, ready.av_map.as_ref())
-    }
-
     /// Prefixes a text with file and record, like errors of files.
     fn named(&self, place: RecordPosition, text: &str) -> String {
         format!("{}: record {}: {text}", self.plan.sources[place.input].file.name, place.record)
+    }
+
+    /// Records the failure of a simulator in a scenario.
+    fn fail_pair(
+        &self,
+        ready: &PreparedScenario,
+        simulator: &str,
+        error: &str,
+    ) -> Result<(), EvaluationError> {
+        let file = &self.plan.sources[ready.place.input].file;
+        let error = self.named(ready.place, error);
+        let failure = Failure::new(ready.place, file, Some(ready.scenario.id.clone()), error);
+        self.fail(Failure { simulator: Some(simulator.to_owned()), ..failure })
     }
 
     fn fail(&self, failure: Failure) -> Result<(), EvaluationError> {

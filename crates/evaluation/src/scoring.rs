@@ -14,7 +14,6 @@ use reactsim_scene::Scenario;
 
 use crate::deviation::pose::Pose;
 use crate::error::EvaluationError;
-use crate::folder::completion::complete;
 use crate::folder::rollouts::write_part;
 use crate::folder::{RunFolder, read_provenance};
 use crate::layout::{PROVENANCE, ROLLOUTS};
@@ -62,7 +61,7 @@ impl Scoring {
                     Ok(rollout) => records.push(rollout),
                     Err(error) => {
                         let place = RecordPosition { input, record };
-                        failures.push(failure(place, &file, error.scenario.clone(), error));
+                        failures.push(Failure::new(place, &file, error.scenario.clone(), error));
                     }
                 }
             }
@@ -133,7 +132,7 @@ impl Scoring {
                 let mut scenario = match scenario {
                     Ok(scenario) => scenario,
                     Err(error) => {
-                        self.failures.push(failure(place, file, error.scenario.clone(), error));
+                        self.failures.push(Failure::new(place, file, error.scenario.clone(), error));
                         continue;
                     }
                 };
@@ -144,7 +143,7 @@ impl Scoring {
                     Some(Ok(deviated)) => scenario.deviation = Some(deviated),
                     Some(Err(NoAv::Missing)) => scenario.deviation = None,
                     Some(Err(error)) => {
-                        self.failures.push(failure(place, file, Some(scenario.id), error));
+                        self.failures.push(Failure::new(place, file, Some(scenario.id), error));
                         continue;
                     }
                 }
@@ -158,7 +157,7 @@ impl Scoring {
                         }
                         Err((simulator, error)) => {
                             let error = format!("scenario `{}`: {error}", scenario.id);
-                            let failure = failure(place, file, Some(scenario.id.clone()), error);
+                            let failure = Failure::new(place, file, Some(scenario.id.clone()), error);
                             self.failures.push(Failure { simulator: Some(simulator), ..failure });
                         }
                     }
@@ -169,7 +168,7 @@ impl Scoring {
         if let Some(file) = self.provenance.inputs.first() {
             let unmatched = self.recorded.left().map(|id| {
                 let error = format!("no scenario `{id}` is given for its rollouts");
-                failure(RecordPosition { input: 0, record: 0 }, file, Some(id.to_owned()), error)
+                Failure::new(RecordPosition { input: 0, record: 0 }, file, Some(id.to_owned()), error)
             });
             self.failures.extend(unmatched);
         }
@@ -180,7 +179,7 @@ impl Scoring {
         let absent = self.recorded.findings().iter().filter(|(check, ..)| *check == RolloutCheck::Coverage);
         summary.provenance.allowed.extend(absent.map(|(check, n, _)| (check.allowance().to_owned(), n)));
         if let Some(folder) = folder {
-            complete(folder, &tally, &self.failures, &summary, true)?;
+            folder.complete(&tally, &self.failures, &summary, true)?;
         }
         Ok(summary)
     }
@@ -196,16 +195,6 @@ fn keep(
     let (Some(folder), Some(row)) = (folder, pair.rows.first()) else { return Ok(()) };
     write_part(&folder.part(place, pair.simulator)?, scenario, &row.simulator, &pair.rollouts)?;
     folder.append(&pair.rows, &pair.events)
-}
-
-fn failure(
-    place: RecordPosition,
-    file: &FileRecord,
-    scenario: Option<String>,
-    error: impl ToString,
-) -> Failure {
-    let RecordPosition { input, record } = place;
-    Failure { input, record, simulator: None, file: file.name.clone(), scenario, error: error.to_string() }
 }
 
 /// Returns whether agents entered in these rollouts. A run states it in the folder with its rollouts;

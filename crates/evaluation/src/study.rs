@@ -114,13 +114,6 @@ impl Study {
         Self { version: Self::VERSION, kind, members }
     }
 
-    /// Returns the text of `study.json`.
-    pub fn to_json(&self) -> String {
-        let mut text = serde_json::to_string_pretty(self).expect("a study holds text and numbers only");
-        text.push('\n');
-        text
-    }
-
     /// Returns what is wrong with the study if it lacks fields that its kind needs, or has invalid or
     /// repeated folders.
     fn fault(&self) -> Option<String> {

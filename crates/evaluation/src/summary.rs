@@ -1,6 +1,6 @@
 //! The result of a run: `summary.json`.
 
-pub(crate) mod builder;
+mod compute;
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -84,8 +84,7 @@ impl Intentions {
     /// Returns the index of the point of a class that is nearest to `p`; of equally near ones the
     /// first.
     pub fn nearest(&self, class: Class, p: Vec2) -> usize {
-        let far = |i: &usize| (self.of(class)[*i] - p).norm_squared();
-        (0..self.count()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or_default()
+        nearest(self.of(class), p)
     }
 
     /// Reads a file.
@@ -141,6 +140,12 @@ impl Intentions {
         let (tables, entry) = self.tables()?;
         Ok(save_tables(&tables, &[entry].into()))
     }
+}
+
+/// Returns the index of the point that is nearest to `p`; of equally near ones the first.
+pub(super) fn nearest(points: &[Vec2], p: Vec2) -> usize {
+    let far = points.iter().map(|point| (point - p).norm_squared()).enumerate();
+    far.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(index, _)| index)
 }
 
 fn wrong_shape(tensor: &str, found: &[usize]) -> WeightsError {

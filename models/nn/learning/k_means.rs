@@ -6,6 +6,7 @@ use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::{AgentKind, FUTURE, Frame, Scenario};
 use serde_json::json;
 
+use super::intentions::nearest;
 use super::{Intentions, Reservoir, ScenarioDigest, for_each_track};
 use crate::WeightsError;
 use crate::perception::Class;
@@ -113,7 +114,7 @@ impl EndPoints {
             let mut moved = false;
             let mut sums = vec![(Vec2::zeros(), 0.0); means.len()];
             for (place, of) in places.iter().zip(&mut of) {
-                let nearest = nearest(&means, *place).0;
+                let nearest = nearest(&means, *place);
                 moved |= *of != nearest;
                 *of = nearest;
                 sums[nearest].0 += *place;
@@ -157,18 +158,6 @@ impl EndPoints {
         }
         means
     }
-}
-
-/// Returns the index of the nearest mean, the first of equally near ones, and its squared distance.
-fn nearest(means: &[Vec2], p: Vec2) -> (usize, f64) {
-    let mut best = (0, f64::INFINITY);
-    for (i, mean) in means.iter().enumerate() {
-        let d2 = (mean - p).norm_squared();
-        if d2 < best.1 {
-            best = (i, d2);
-        }
-    }
-    best
 }
 
 #[cfg(test)]

@@ -114,6 +114,11 @@ pub(crate) fn sample(
 }
 
 impl Sample {
+    /// Returns the number of its nodes.
+    pub(super) fn nodes(&self) -> usize {
+        self.steps.iter().map(|step| step.slots.len()).sum()
+    }
+
     /// Removes places that no agent attends to, which are most of a map.
     fn forget_unused_places(&mut self, hops: usize) {
         let used = self.steps.iter().flat_map(|s| s.places.sources());

@@ -116,11 +116,6 @@ impl NextToken {
         let (config, vocabulary) = (self.recipe.network, self.vocabulary.clone());
         Policy { config, vocabulary, network: network.clone() }
     }
-
-    /// Returns the vocabulary.
-    pub fn vocabulary(&self) -> &Vocabulary {
-        &self.vocabulary
-    }
 }
 
 impl Task for NextToken {

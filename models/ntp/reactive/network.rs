@@ -2,10 +2,10 @@
 
 use burn::module::Module;
 use burn::nn::Linear;
-use burn::tensor::{Int, Tensor, TensorData};
+use burn::tensor::Tensor;
 use reactsim_nn::perception::{BODY_FEATURES, Class, PLACE_FEATURES};
 use reactsim_nn::{
-    AttentionConfig, FeedForwardConfig, Initializer, Perceptron, PerceptronKind, RelationalAttention,
+    AttentionConfig, FeedForwardConfig, Initializer, Perceptron, PerceptronKind, RelationalAttention, indices,
 };
 
 use super::batch::{MapTensors, NodeTensors};
@@ -179,15 +179,12 @@ impl Network {
     pub(crate) fn logits(&self, class: Class, nodes: Tensor<2>) -> Tensor<2> {
         self.heads[class as usize].forward(nodes)
     }
-}
 
-impl Network {
     /// Returns the logits of each node, one per token of its class. `features` are the input of the heads.
     pub(crate) fn all_logits(&self, nodes: &NodeTensors, features: &Tensor<2>) -> Vec<Vec<f32>> {
         let mut all = vec![Vec::new(); features.dims()[0]];
         for (class, rows) in &nodes.rows {
-            let index: Vec<i32> = rows.iter().map(|&r| r as i32).collect();
-            let index = Tensor::<1, Int>::from_data(TensorData::new(index, [rows.len()]), &features.device());
+            let index = indices(rows.iter().copied(), &features.device());
             let logits = self.logits(*class, features.clone().select(0, index));
             let width = logits.dims()[1];
             let values: Vec<f32> = logits.into_data().iter::<f32>().collect();

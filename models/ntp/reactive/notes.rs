@@ -3,8 +3,9 @@
 use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use burn::tensor::{Int, Tensor, TensorData};
+use burn::tensor::Tensor;
 use reactsim_geometry::math;
+use reactsim_nn::indices;
 use reactsim_nn::perception::Class;
 
 use super::batch::{NodeRows, NodeTensors};
@@ -93,8 +94,7 @@ impl Notes {
         if rows.is_empty() {
             return;
         }
-        let index = TensorData::new(rows.iter().map(|&row| row as i32).collect(), [rows.len()]);
-        let index = Tensor::<1, Int>::from_data(index, &pass.reference.device());
+        let index = indices(rows.iter().copied(), &pass.reference.device());
         self.steps().push(NotedStep {
             nodes: pass.rows.chosen(&rows, config),
             sources: pass.sources,

@@ -1,7 +1,8 @@
 //! Agents that stand, and on which the network spends no work: throughout the outlook of a plan, and in the
 //! next plan. These are most of a scene.
 
-use burn::tensor::{Int, Tensor, TensorData};
+use burn::tensor::Tensor;
+use reactsim_nn::indices;
 use reactsim_nn::perception::Body;
 use reactsim_scene::{AgentState, Frame};
 
@@ -31,7 +32,7 @@ impl Standing {
         meeting: &[Tensor<2>],
         first: usize,
     ) -> Self {
-        let index: Vec<i32> = rows.iter().map(|row| (first + row) as i32).collect();
+        let index: Vec<usize> = rows.iter().map(|row| first + row).collect();
         Self {
             bodies: rows.iter().map(|&row| (slots[row], bodies[row])).collect(),
             features: meeting.iter().map(|features| select(features, &index)).collect(),
@@ -44,9 +45,8 @@ impl Standing {
         if kept.is_empty() {
             *self = Self::default();
         } else if kept.len() < self.bodies.len() {
-            let rows: Vec<i32> = kept.iter().map(|&i| i as i32).collect();
             self.bodies = kept.iter().map(|&i| self.bodies[i]).collect();
-            self.features.iter_mut().for_each(|features| *features = select(features, &rows));
+            self.features.iter_mut().for_each(|features| *features = select(features, &kept));
         }
     }
 
@@ -72,9 +72,8 @@ impl Standing {
     }
 }
 
-fn select(features: &Tensor<2>, rows: &[i32]) -> Tensor<2> {
-    let index = TensorData::new(rows.to_vec(), [rows.len()]);
-    features.clone().select(0, Tensor::<1, Int>::from_data(index, &features.device()))
+fn select(features: &Tensor<2>, rows: &[usize]) -> Tensor<2> {
+    features.clone().select(0, indices(rows.iter().copied(), &features.device()))
 }
 
 /// Returns whether an agent stood in the last half second of its track.

@@ -1,8 +1,8 @@
 //! Token heads.
 
 use burn::module::Module;
-use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_nn::{Initializer, Perceptron, PerceptronKind};
+use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind, indices};
 
 use super::{SmartConfig, TokenCounts};
 
@@ -50,29 +50,23 @@ impl TokenHead {
         };
         let device = x.device();
         let most = counts.into_iter().max().unwrap_or(0);
-        let (mut parts, mut order) = (Vec::new(), vec![0i32; classes.len()]);
+        let (mut parts, mut order) = (Vec::new(), vec![0; classes.len()]);
         let mut placed = 0;
         for (class, head) in heads.into_iter().enumerate() {
-            let rows: Vec<i32> =
-                (0..classes.len() as i32).filter(|r| usize::from(classes[*r as usize]) == class).collect();
+            let rows: Vec<usize> = (0..classes.len()).filter(|&r| usize::from(classes[r]) == class).collect();
             if rows.is_empty() {
                 continue;
             }
-            rows.iter().enumerate().for_each(|(i, r)| order[*r as usize] = (placed + i) as i32);
+            rows.iter().enumerate().for_each(|(i, &r)| order[r] = placed + i);
             placed += rows.len();
             let count = rows.len();
-            let scores = head.forward(x.clone().select(0, ints(rows, &device)));
+            let scores = head.forward(x.clone().select(0, indices(rows, &device)));
             let fill = Tensor::full([count, most - counts[class]], ABSENT_TOKEN_SCORE, &device);
             parts.push(if most > counts[class] { Tensor::cat(vec![scores, fill], 1) } else { scores });
         }
         if parts.is_empty() {
             return Tensor::zeros([0, most], &device);
         }
-        Tensor::cat(parts, 0).select(0, ints(order, &device))
+        Tensor::cat(parts, 0).select(0, indices(order, &device))
     }
-}
-
-fn ints(values: Vec<i32>, device: &Device) -> Tensor<1, Int> {
-    let length = values.len();
-    Tensor::from_data(TensorData::new(values, [length]), device)
 }

@@ -126,13 +126,13 @@ impl Smart {
             let layer = &layers.t_attn_layers[i];
             let sources = layer.sources(x.clone());
             let earlier = past.as_ref().map_or_else(|| sources.clone(), |past| past[i].clone());
-            x = layer.forward_with(x, earlier, &own.neighbors, &own.relations, noise);
+            x = layer.forward(x, earlier, &own.neighbors, &own.relations, noise);
             entering.push(sources);
             let layer = &layers.pt2a_attn_layers[i];
-            x = layer.forward_with(x, map[i].clone(), &from_map.neighbors, &from_map.relations, noise);
+            x = layer.forward(x, map[i].clone(), &from_map.neighbors, &from_map.relations, noise);
             let layer = &layers.a2a_attn_layers[i];
             let sources = layer.sources(x.clone());
-            x = layer.forward_with(x, sources, &among.neighbors, &among.relations, noise);
+            x = layer.forward(x, sources, &among.neighbors, &among.relations, noise);
         }
         for ((scene, _), entering) in scenes.iter_mut().zip(SharedRows::divide(entering, counts)) {
             scene.pasts.push_back(entering);

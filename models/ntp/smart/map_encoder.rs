@@ -63,7 +63,7 @@ impl MapEncoder {
         let links = Links::new(edges, map.len(), &self.r_pt2pt_emb, &x.device());
         for (i, layer) in self.pt2pt_layers.iter().enumerate() {
             let sources = layer.sources(x.clone());
-            x = layer.forward_with(x, sources, &links.neighbors, &links.relations, noise);
+            x = layer.forward(x, sources, &links.neighbors, &links.relations, noise);
             watch(Stage::Map(i), &x);
         }
         x

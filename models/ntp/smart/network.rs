@@ -136,22 +136,20 @@ impl Smart {
         for i in 0..self.config.num_agent_layers {
             let layer = &agents.t_attn_layers[i];
             let sources = layer.sources(x.clone());
-            x = layer.forward_with(x, sources, &over_time.neighbors, &over_time.relations, noise);
+            x = layer.forward(x, sources, &over_time.neighbors, &over_time.relations, noise);
             watch(Stage::OverTime(i), &x);
             let layer = &agents.pt2a_attn_layers[i];
             let sources = layer.sources(map.clone());
-            x = layer.forward_with(x, sources, &from_map.neighbors, &from_map.relations, noise);
+            x = layer.forward(x, sources, &from_map.neighbors, &from_map.relations, noise);
             watch(Stage::FromMap(i), &x);
             let layer = &agents.a2a_attn_layers[i];
             let sources = layer.sources(x.clone());
-            x = layer.forward_with(x, sources, &among.neighbors, &among.relations, noise);
+            x = layer.forward(x, sources, &among.neighbors, &among.relations, noise);
             watch(Stage::AmongAgents(i), &x);
         }
         agents.token_predict_head.forward(x, &batch.class, counts)
     }
-}
 
-impl Smart {
     /// Computes the vectors of all tokens.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! Embedding vectors of tokens.
 
 use burn::tensor::{Device, Tensor, TensorData};
+use reactsim_nn::indices;
 
 /// Embedding vectors of all tokens. They depend only on weights and vocabulary, so they are computed
 /// once.
@@ -30,12 +31,11 @@ impl TokenTables {
 
 /// Selects rows of a table.
 pub(super) fn pick(table: &Tensor<2>, rows: impl Iterator<Item = usize>) -> Tensor<2> {
-    let rows: Vec<i32> = rows.map(|r| r as i32).collect();
-    let count = rows.len();
-    if count == 0 {
+    let mut rows = rows.peekable();
+    if rows.peek().is_none() {
         return Tensor::zeros([0, table.dims()[1]], &table.device());
     }
-    table.clone().select(0, Tensor::from_data(TensorData::new(rows, [count]), &table.device()))
+    table.clone().select(0, indices(rows, &table.device()))
 }
 
 /// Converts rows of numbers to a tensor.

@@ -15,16 +15,12 @@ pub struct MatchingErrors {
 /// Summary of the errors of one class, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorSummary {
-    /// Number of matched tokens.
-    pub count: usize,
     /// Mean.
     pub mean: f64,
     /// Median.
     pub p50: f64,
     /// 99th percentile.
     pub p99: f64,
-    /// Largest.
-    pub max: f64,
 }
 
 impl MatchingErrors {
@@ -56,6 +52,6 @@ impl MatchingErrors {
         let last = errors.len().checked_sub(1)?;
         let at = |share: f64| f64::from(errors[(share * last as f64).round() as usize]);
         let mean = errors.iter().map(|e| f64::from(*e)).sum::<f64>() / errors.len() as f64;
-        Some(ErrorSummary { count: errors.len(), mean, p50: at(0.5), p99: at(0.99), max: at(1.0) })
+        Some(ErrorSummary { mean, p50: at(0.5), p99: at(0.99) })
     }
 }

@@ -132,22 +132,17 @@ fn values(file: &Tensors<'_>, name: &str, inner: &[usize], expected: &str) -> Re
     Ok(values.into_iter().map(f64::from).collect())
 }
 
-/// Refuses a vocabulary with a text.
-pub(super) fn refused(text: String) -> WeightsError {
-    WeightsError::Refused(text)
-}
-
 /// Refuses a file with tensors of no known layout.
 pub(super) fn no_vocabulary(expected: &[&str], found: &[&str]) -> WeightsError {
     let (expected, found) = (listed(expected), listed(found));
-    refused(format!(
+    WeightsError::Refused(format!(
         "the file holds no vocabulary: expected the tensors {expected}, found {found}; \
          `reactsim train vocabulary` makes vocabularies"
     ))
 }
 
 pub(super) fn wrong_shape(tensor: &str, found: &[usize], expected: &str) -> WeightsError {
-    refused(format!("tensor `{tensor}` has the shape {found:?}, expected {expected}"))
+    WeightsError::Refused(format!("tensor `{tensor}` has the shape {found:?}, expected {expected}"))
 }
 
 /// Formats the first names of a list for a message.

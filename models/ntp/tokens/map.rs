@@ -71,9 +71,6 @@ pub enum LightCode {
 }
 
 impl CurveKind {
-    /// Number of kinds.
-    pub const COUNT: usize = 10;
-
     /// Returns the code, 0 to 9.
     pub const fn code(self) -> usize {
         self as usize
@@ -91,9 +88,6 @@ impl CurveKind {
 }
 
 impl LightCode {
-    /// Number of codes.
-    pub const COUNT: usize = 5;
-
     /// Returns the code, 0 to 4.
     pub const fn code(self) -> usize {
         self as usize

@@ -8,7 +8,7 @@ use reactsim_nn::{Tensors, WeightsError};
 use reactsim_rollout::{Purpose, stream};
 use reactsim_scene::Scenario;
 
-use super::file::{no_vocabulary, refused, wrong_shape};
+use super::file::{no_vocabulary, wrong_shape};
 use super::{CURVE_POINTS, CurvePiece, curve_pieces};
 
 /// Curve of a token: eleven points in the frame of the first, with the first chord along x.
@@ -35,12 +35,14 @@ impl MapVocabulary {
     /// [`WeightsError`] if there are none, or a coordinate is not finite.
     pub fn new(curves: &[Curve], provenance: Provenance) -> Result<Self, WeightsError> {
         if curves.is_empty() {
-            return Err(refused("the map vocabulary has no curves; give scenarios with maps".to_owned()));
+            return Err(WeightsError::Refused(
+                "the map vocabulary has no curves; give scenarios with maps".to_owned(),
+            ));
         }
         for (token, curve) in curves.iter().enumerate() {
             if let Some(p) = curve.iter().find(|p| !(p.x.is_finite() && p.y.is_finite())) {
                 let value = [p.x, p.y];
-                return Err(refused(format!(
+                return Err(WeightsError::Refused(format!(
                     "curve {token} of the map vocabulary: {value:?} (x, y) is not finite"
                 )));
             }

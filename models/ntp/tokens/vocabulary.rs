@@ -6,7 +6,6 @@ use reactsim_nn::learning::Provenance;
 use reactsim_nn::perception::Class;
 use reactsim_scene::dynamics::Pose;
 
-use super::file::refused;
 use super::token_set::{TokenSet, corner_distance};
 use super::{TOKEN_POSES, TokenPoses};
 
@@ -98,18 +97,20 @@ impl Vocabulary {
 
 fn check(class: Class, tokens: &[TokenPoses]) -> Result<(), WeightsError> {
     if tokens.is_empty() {
-        return Err(refused(format!("class `{class}` has no tokens; every class needs at least one")));
+        return Err(WeightsError::Refused(format!(
+            "class `{class}` has no tokens; every class needs at least one"
+        )));
     }
     for (token, poses) in tokens.iter().enumerate() {
         for (pose, p) in poses.iter().enumerate() {
             let value = [p.position.x, p.position.y, p.heading];
             if !value.iter().all(|v| v.is_finite()) {
-                return Err(refused(format!(
+                return Err(WeightsError::Refused(format!(
                     "class `{class}`, token {token}, pose {pose}: {value:?} (x, y, heading) is not finite"
                 )));
             }
             if pose == 0 && value.iter().any(|v| v.abs() > START_TOLERANCE) {
-                return Err(refused(format!(
+                return Err(WeightsError::Refused(format!(
                     "class `{class}`, token {token} starts at {value:?} (x, y, heading), expected 0, 0, 0: \
                      poses are in the frame of the first one"
                 )));

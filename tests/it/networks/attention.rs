@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reactsim::models::nn::{
     AttentionConfig, FeedForwardConfig, FourierEmbedding, Initializer, Neighbors, Noise, RelationalAttention,
-    Tensors, normalize, save,
+    Relations, Tensors, normalize, save,
 };
 
 use super::naive::{Naive, Rows};
@@ -107,7 +107,7 @@ impl Case {
             tensor(&self.dst, config.width, device),
             layer.sources(tensor(&self.src, config.width, device)),
             &neighbors,
-            neighbors.relations(relations),
+            &Relations::new(neighbors.relations(relations)),
             &mut noise,
         )
     }
@@ -167,7 +167,7 @@ fn closed_slots_count_for_nothing() {
         let vectors = neighbors.relations(normalize(tensor(relations, config.relation_width, &device)));
         let sources = layer.sources(tensor(&case.src, config.width, &device));
         let dst = tensor(&case.dst, config.width, &device);
-        values(layer.forward(dst, sources, &neighbors, vectors, &mut Noise::none()))
+        values(layer.forward(dst, sources, &neighbors, &Relations::new(vectors), &mut Noise::none()))
     };
     let before = run(&relations);
     for (slot, open) in open.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::make::create_empty;
 use super::{MakeOptions, Reference, ReferenceError, make};
-use crate::folder::{cannot_read, replace};
+use crate::folder::{cannot_read, write_json};
 use crate::layout::STUDY;
 use crate::study::{Member, PLANNER_RANKS, PlannerRanks, Study, read_study};
 
@@ -107,7 +107,7 @@ pub fn make_study(study: &Path, out: &Path, options: &MakeOptions) -> Result<Stu
     if let Some(ranks) = PlannerRanks::read(study)? {
         ranks.write(out)?;
     }
-    replace(&out.join(STUDY), |file| file.write_all(found.to_json().as_bytes()))?;
+    write_json(&out.join(STUDY), &found)?;
     drop(lock);
     StudyReference::open(out)
 }

@@ -85,6 +85,13 @@ pub struct Difference {
     pub found: String,
 }
 
+impl Difference {
+    /// Creates the difference of a value over all scenarios.
+    fn over_all(simulator: &str, field: String, reference: String, found: String) -> Self {
+        Self { simulator: simulator.to_owned(), scenario: None, rollout: None, field, reference, found }
+    }
+}
+
 impl SimulatorCheck {
     /// Begins the check of a simulator of this class, which must agree bit for bit if `exact`.
     fn of(id: &str, class: &SimulatorClass, exact: bool) -> Self {

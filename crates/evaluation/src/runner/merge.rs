@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use reactsim_formats::rollouts::{Writer, read};
 
 use crate::error::EvaluationError;
-use crate::folder::completion::complete;
 use crate::folder::{
     RunFolder, cannot_read, for_parsed_lines, read_provenance, read_summary, read_tally, replace,
 };
@@ -64,7 +63,7 @@ pub fn merge(partitions: &[PathBuf], out: &Path) -> Result<(RunFolder, Summary),
     }
     let mut summary = Summary::new(&tally, &failures, &provenance);
     omissions.describe(&mut summary.provenance);
-    complete(&run, &tally, &failures, &summary, false)?;
+    run.complete(&tally, &failures, &summary, false)?;
     Ok((run, summary))
 }
 

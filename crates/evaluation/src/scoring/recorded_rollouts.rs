@@ -17,7 +17,7 @@ use crate::motion::rollout_checks;
 use crate::motion::rollout_checks::Findings;
 use crate::row::{RecordPosition, Row};
 
-/// RecordedRollouts rollouts, which are scored scenario by scenario in the order in which scenarios are read.
+/// Recorded rollouts, which are scored scenario by scenario in the order in which scenarios are read.
 #[derive(Debug)]
 pub(crate) struct RecordedRollouts {
     records: BTreeMap<String, Vec<RolloutRecord>>,

@@ -111,11 +111,7 @@ impl FileRecord {
 
     /// Returns the current frames with which its recordings are read.
     pub fn frames(&self) -> CurrentFrames {
-        match (self.current_frame, self.window_step) {
-            (Some(frame), _) => CurrentFrames::At(frame),
-            (None, Some(step)) => CurrentFrames::Every(step),
-            (None, None) => CurrentFrames::Stated,
-        }
+        current_frames(self.current_frame, self.window_step)
     }
 
     /// Returns the number of frames with which its scenarios are read.
@@ -145,6 +141,15 @@ impl FileRecord {
             hasher.update(companion.blake3.as_bytes());
         }
         hasher.finalize().to_hex().to_string()
+    }
+}
+
+/// Returns the current frames of a requested one, or of the number of frames between those of windows.
+pub(crate) fn current_frames(frame: Option<usize>, step: Option<NonZeroUsize>) -> CurrentFrames {
+    match (frame, step) {
+        (Some(frame), _) => CurrentFrames::At(frame),
+        (None, Some(step)) => CurrentFrames::Every(step),
+        (None, None) => CurrentFrames::Stated,
     }
 }
 

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::av::AvChoice;
 use crate::error::EvaluationError;
+use crate::source::file_record::current_frames;
 use crate::source::selection::Selection;
 use crate::source::{Source, limited, limited_shipped};
 
@@ -212,11 +213,7 @@ impl ReadingSpec {
 
     /// Returns the current frames of recordings.
     pub fn frames(&self) -> CurrentFrames {
-        match (self.current_frame, self.window_step) {
-            (Some(frame), _) => CurrentFrames::At(frame),
-            (None, Some(step)) => CurrentFrames::Every(step),
-            (None, None) => CurrentFrames::Stated,
-        }
+        current_frames(self.current_frame, self.window_step)
     }
 
     /// Returns the number of frames of scenarios.

@@ -7,7 +7,9 @@ use reactsim_files::FolderLock;
 use super::file::read;
 use super::{Member, Study, StudyPlan};
 use crate::error::EvaluationError;
-use crate::folder::{RunFolder, is_unbegun_with, lock, lock_unbegun, read_summary, read_tally, replace};
+use crate::folder::{
+    RunFolder, is_unbegun, lock, lock_unbegun, read_summary, read_tally, replace, write_json,
+};
 use crate::layout::{FAILURES, PROVENANCE, ROLLOUTS, STUDY, SUMMARY, TABLE};
 use crate::provenance::Provenance;
 use crate::statistics::tally::Tally;
@@ -37,12 +39,12 @@ impl StudyFolder {
     /// [`EvaluationError`] if the folder has no study, a study of another kind, or a run with other settings;
     /// names the setting.
     pub fn resume(path: &Path, plan: &mut StudyPlan) -> Result<Self, EvaluationError> {
-        if !is_unbegun(path) {
+        if !is_unbegun(path, STUDY) {
             // A refused folder is not written to.
             read(path)?;
         }
         let lock = lock(path)?;
-        if is_unbegun(path) {
+        if is_unbegun(path, STUDY) {
             return Self::begin(path, lock, plan.study());
         }
         let old = read(path)?;
@@ -72,7 +74,7 @@ impl StudyFolder {
     }
 
     fn begin(path: &Path, lock: FolderLock, study: &Study) -> Result<Self, EvaluationError> {
-        replace(&path.join(STUDY), |out| out.write_all(study.to_json().as_bytes()))?;
+        write_json(&path.join(STUDY), study)?;
         Ok(Self { path: path.to_owned(), _lock: lock })
     }
 
@@ -115,9 +117,4 @@ impl StudyFolder {
     pub fn put(&self, name: &str, text: &str) -> Result<(), EvaluationError> {
         replace(&self.path.join(name), |out| out.write_all(text.as_bytes()))
     }
-}
-
-/// Returns whether a folder is absent or empty, or was left by a study that was killed before it began.
-fn is_unbegun(path: &Path) -> bool {
-    is_unbegun_with(path, STUDY)
 }

@@ -238,8 +238,7 @@ impl<'a> Common<'a> {
 
     /// Returns the agreement of each pair of simulators. `means`: mean scores over all scenarios.
     fn agreement(&self, ids: &[String], means: &[Vec<f64>], seed: u64) -> Vec<Agreement> {
-        let pairs: Vec<(usize, usize)> =
-            (0..ids.len()).flat_map(|i| (i + 1..ids.len()).map(move |j| (i, j))).collect();
+        let pairs: Vec<[usize; 2]> = two(ids.len()).collect();
         let n = self.scenarios.len();
         let mut resampled: Vec<Vec<f64>> = vec![Vec::new(); pairs.len()];
         if n >= MIN_FOR_INTERVAL {
@@ -247,12 +246,12 @@ impl<'a> Common<'a> {
             for _ in 0..RESAMPLES {
                 let chosen: Vec<usize> = (0..n).map(|_| below(&mut random, n)).collect();
                 let means = self.means(&chosen);
-                for ((i, j), taus) in pairs.iter().zip(&mut resampled) {
+                for ([i, j], taus) in pairs.iter().zip(&mut resampled) {
                     taus.extend(kendall(&means[*i], &means[*j]));
                 }
             }
         }
-        let of_pair = |(&(i, j), taus): (&(usize, usize), Vec<f64>)| {
+        let of_pair = |(&[i, j], taus): (&[usize; 2], Vec<f64>)| {
             let (low, high) = interval(taus).unzip();
             Agreement {
                 first: ids[i].clone(),

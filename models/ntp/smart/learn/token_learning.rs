@@ -11,7 +11,7 @@ use reactsim_rollout::Controller;
 use super::super::super::entries::SMART;
 use super::super::super::policy_loss::{Choice, in_batch, policy_loss};
 use super::super::super::smoothing::{Smoothing, TargetDistributions};
-use super::super::super::token_loss::{Target, token_loss};
+use super::super::super::token_loss::{Target, first_rows, token_loss};
 use super::super::super::tokens::{MapVocabulary, Vocabulary};
 use super::super::{
     Batch, Scene, Smart, SmartParameters, SmartPolicy, SmartSimulator, TokenShapes, TokenTables, token_shapes,
@@ -78,11 +78,11 @@ impl TokenLearning {
         noise: &mut Noise,
     ) -> Output {
         let scores = self.scores(network, samples.iter().map(|s| &s.scene), device, noise);
-        let firsts = first_rows(samples.iter().map(|s| &s.scene));
-        let shifted = |(sample, first): (&Sample, usize)| {
-            sample.targets.iter().map(|t| Target { row: t.row + first, ..*t }).collect::<Vec<_>>()
-        };
-        let targets: Vec<Target> = samples.iter().zip(firsts).flat_map(shifted).collect();
+        let targets: Vec<Target> = samples
+            .iter()
+            .zip(first_rows(samples.iter().map(|sample| nodes(&sample.scene))))
+            .flat_map(|(sample, first)| sample.targets.iter().map(move |target| target.in_batch(first)))
+            .collect();
         token_loss(&targets, distributions, device, |class, rows| self.of_class(&scores, class, rows))
     }
 
@@ -100,7 +100,7 @@ impl TokenLearning {
         let noise = &mut Noise::none();
         let scores = self.scores(network, scenes.iter().copied(), &device, noise);
         let fixed = self.scores(reference, scenes.iter().copied(), &self.device, noise);
-        let all = in_batch(choices.iter().copied(), first_rows(scenes.iter().copied()));
+        let all = in_batch(choices.iter().copied(), first_rows(scenes.iter().map(|scene| nodes(scene))));
         let current = |class, rows| self.of_class(&scores, class, rows);
         policy_loss(&all, anchor, &device, current, |class, rows| self.of_class(&fixed, class, rows))
     }
@@ -148,11 +148,7 @@ impl TokenLearning {
     }
 }
 
-/// Returns the row of the first node of each scene in a batch.
-fn first_rows<'s>(scenes: impl Iterator<Item = &'s Scene>) -> impl Iterator<Item = usize> {
-    scenes.scan(0, |next, scene| {
-        let first = *next;
-        *next += scene.agents.len() * scene.steps.len();
-        Some(first)
-    })
+/// Returns the number of nodes of a scene.
+fn nodes(scene: &Scene) -> usize {
+    scene.agents.len() * scene.steps.len()
 }

@@ -149,13 +149,8 @@ fn beyond_bounds(
     for (metric, bound) in bounds {
         let pairs = pairs(&stated, &again, &check.id, metric);
         let n = pairs.len() as f64;
-        let beyond_bound = |reference: String, found: String| Difference {
-            simulator: check.id.clone(),
-            scenario: None,
-            rollout: None,
-            field: format!("metrics.{metric}"),
-            reference,
-            found,
+        let beyond_bound = |reference: String, found: String| {
+            Difference::over_all(&check.id, format!("metrics.{metric}"), reference, found)
         };
         if pairs.is_empty() {
             // A metric with values in the reference must have values again.
@@ -265,14 +260,8 @@ pub(super) fn summaries(
             }
         }
         check.passed = differing.is_empty();
-        verification.differences.extend(differing.into_iter().map(|(field, reference, found)| Difference {
-            simulator: id.clone(),
-            scenario: None,
-            rollout: None,
-            field,
-            reference,
-            found,
-        }));
+        let over_all = |(field, reference, found)| Difference::over_all(id, field, reference, found);
+        verification.differences.extend(differing.into_iter().map(over_all));
         verification.simulators.push(check);
     }
     verification
