@@ -14,7 +14,6 @@ use crate::cli::output::{ExitStatus, stop_on_interrupt};
 use crate::cli::partition::{self, Partitions};
 use crate::cli::progress::Progress;
 use crate::curation::CurationProvenance;
-use crate::curation::driver::CurationObserver;
 use crate::curation::outcomes::OutcomeWriter;
 use crate::evaluation::program_version;
 use crate::formats::native::Writer;
