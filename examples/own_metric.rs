@@ -10,9 +10,8 @@
 use std::{env, fs, process};
 
 use reactsim::Benchmark;
-use reactsim::evaluation::{ScenarioFiles, Source};
 use reactsim::metrics::{Case, Event, Metric, MetricSpec, Scope, Score, Unit};
-use reactsim::report::page::{Gallery, Member};
+use reactsim::report::page::Gallery;
 
 /// Mean over vehicles of the smallest distance between their centre and that of the AV, metres.
 struct Closest;
@@ -47,12 +46,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = env::temp_dir().join(format!("own-metric-{}", process::id()));
     let run = Benchmark::shipped().limit(20).baselines(["log-replay", "idm"]).metric(Box::new(Closest));
     print!("{}", run.keep_rollouts().folder(&folder).run()?.table());
-    let mut scenarios = ScenarioFiles::default();
-    scenarios.add(Source::shipped(usize::MAX));
-    let member = Member { name: "own-metric".to_owned(), folder: folder.clone(), study: None };
     let page = folder.join("page.html");
-    let gallery = Gallery::open(vec![member], Vec::new(), scenarios)?;
-    gallery.write(&[], 12, false, &mut fs::File::create(&page)?)?;
+    Gallery::of_folders(&[folder], &[])?.write(&[], 12, false, &mut fs::File::create(&page)?)?;
     println!("\nThe page with the scenes is {}", page.display());
     Ok(())
 }

@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::gallery;
 use super::inputs::find_inputs;
 use super::output::{ExitStatus, write_result};
 use crate::evaluation::reference::Entry;
 use crate::evaluation::{BenchmarkRecord, Source, limited};
 use crate::report::leaderboard;
+use crate::report::page::folder_names;
 
 const AFTER: &str = "\
 Examples:
@@ -41,7 +41,7 @@ pub(super) struct LeaderboardArgs {
 pub(super) fn leaderboard(args: &LeaderboardArgs) -> anyhow::Result<ExitStatus> {
     let open = |benchmark: &BenchmarkRecord| find_scenarios(args, benchmark);
     let mut entries: Vec<Entry> = Vec::new();
-    for (name, folder) in gallery::names(&args.folders).into_iter().zip(&args.folders) {
+    for (name, folder) in folder_names(&args.folders).into_iter().zip(&args.folders) {
         let entry = Entry::read(folder, name, open)?;
         if let Some(first) = entries.first() {
             entry.check_comparable(first)?;

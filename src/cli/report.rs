@@ -10,6 +10,7 @@ use super::gallery;
 use super::output::{ExitStatus, write_result};
 use super::table_output::{TableArgs, formats};
 use crate::evaluation::{StudyResults, Summary, is_study, read_summary};
+use crate::report::page::members;
 use crate::report::{Run, TableStyle, study_tables};
 
 /// Format of the page.
@@ -82,7 +83,7 @@ pub(super) fn report(args: &ReportArgs) -> anyhow::Result<ExitStatus> {
         write_result(args.out.as_deref(), |out| write(&results, args.table.style(), out))?;
         return Ok(ExitStatus::Done);
     }
-    let (members, _) = gallery::members(&args.runs)?;
+    let (members, _) = members(&args.runs)?;
     let summaries: Vec<Summary> =
         members.iter().map(|m| read_summary(&m.folder)).collect::<Result<_, _>>()?;
     let runs: Vec<Run<'_>> =

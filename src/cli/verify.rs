@@ -8,12 +8,12 @@ use clap::Args;
 use super::inputs::find_inputs;
 use super::output::{ExitStatus, say, stop_on_interrupt, write_result};
 use super::progress::Progress;
+use super::reference;
 use super::subject::ExecutionArgs;
-use super::{gallery, reference};
 use crate::evaluation::paper::{PAPER, PaperComparison};
 use crate::evaluation::reference::{self as comparing, Reference, RerunInputs};
 use crate::evaluation::{
-    AvChoice, Deviations, FinishedRun, NuplanSpec, Source, limited, limited_shipped, weights,
+    AvChoice, Deviations, FinishedRun, NuplanSpec, ScenarioFiles, Source, limited, limited_shipped, weights,
 };
 use crate::formats::Input;
 use crate::report::{paper, verification};
@@ -115,7 +115,7 @@ fn compare_with_paper(args: &VerifyArgs, run: &Path) -> anyhow::Result<ExitStatu
         bail!("{option}: {PAPER} is compared with what --run has; leave {option} out");
     }
     let finished = FinishedRun::open(run)?;
-    let scenarios = gallery::scenario_files(&[run], &inputs(args)?)?;
+    let scenarios = ScenarioFiles::of_runs(&[run], &inputs(args)?)?;
     let progress = Progress::new();
     progress.set_total(Some(finished.tally().entries.len()));
     let jobs = args.work.execution().jobs;

@@ -4,6 +4,7 @@ pub(crate) mod finished_run;
 pub(crate) mod long_tables;
 pub(crate) mod rollouts;
 pub(crate) mod rows_table;
+mod scenario_files;
 mod spec_file;
 
 use std::collections::{BTreeMap, BTreeSet};

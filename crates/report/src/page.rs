@@ -16,5 +16,5 @@ mod site;
 mod tracks;
 
 pub use error::PageError;
-pub use gallery::{Gallery, Member};
+pub use gallery::{Gallery, Member, folder_names, members};
 pub use review::write_review;

@@ -1,9 +1,12 @@
 //! Finished runs side by side, matched by scenario.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use reactsim_evaluation::{FinishedRun, RecordPosition, ScenarioFiles, StudyResults, TableMarks};
+use reactsim_evaluation::{
+    EvaluationError, FinishedRun, RecordPosition, ScenarioFiles, StudyResults, TableMarks, is_study,
+};
+use reactsim_formats::Input;
 
 use super::PageError;
 use super::scene::{SubjectRollout, scene};
@@ -58,6 +61,18 @@ pub(super) struct GalleryScenario {
 }
 
 impl Gallery {
+    /// Opens the runs in these folders, members of studies included, with the given scenarios and those that
+    /// [`ScenarioFiles::of_runs`] finds.
+    ///
+    /// # Errors
+    /// [`PageError`] if a run or a given file cannot be read, or a folder is given twice.
+    pub fn of_folders(folders: &[PathBuf], given: &[Input]) -> Result<Self, PageError> {
+        let (members, studies) = members(folders)?;
+        let folders: Vec<&Path> = members.iter().map(|member| member.folder.as_path()).collect();
+        let scenario_files = ScenarioFiles::of_runs(&folders, given)?;
+        Self::open(members, studies, scenario_files)
+    }
+
     /// Opens runs, with the results of the studies that some of them belong to. Scenarios of different
     /// runs are identified by id and digest.
     ///
@@ -194,4 +209,41 @@ impl Gallery {
         }
         Ok(Some(scene(&scenario, &rollouts)?))
     }
+}
+
+/// Studies with their names.
+type Studies = Vec<(String, StudyResults)>;
+
+/// Returns the runs in these folders, and the studies that some of them belong to.
+///
+/// # Errors
+/// [`EvaluationError`] if a study cannot be read.
+pub fn members(folders: &[PathBuf]) -> Result<(Vec<Member>, Studies), EvaluationError> {
+    let (mut members, mut studies) = (Vec::new(), Vec::new());
+    for (name, folder) in folder_names(folders).into_iter().zip(folders) {
+        if !is_study(folder) {
+            members.push(Member { name, folder: folder.clone(), study: None });
+            continue;
+        }
+        let results = StudyResults::read(folder)?;
+        members.extend(results.study.members.iter().map(|member| Member {
+            name: format!("{name}/{}", member.folder),
+            folder: folder.join(&member.folder),
+            study: Some((name.clone(), member.label.clone())),
+        }));
+        studies.push((name, results));
+    }
+    Ok((members, studies))
+}
+
+/// Returns the names of run folders, or their whole paths if the names alone are not unique.
+pub fn folder_names(runs: &[PathBuf]) -> Vec<String> {
+    let short: Vec<String> = runs
+        .iter()
+        .map(|p| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned()))
+        .collect();
+    let mut sorted = short.clone();
+    sorted.sort();
+    sorted.dedup();
+    if sorted.len() == short.len() { short } else { runs.iter().map(|p| p.display().to_string()).collect() }
 }
