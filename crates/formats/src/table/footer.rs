@@ -1,5 +1,5 @@
-//! The footer of a Parquet file, of which the library decodes one row group at a time: the decoded metadata of
-//! all row groups of many scenarios would need more memory than a run.
+//! The footer of a Parquet file, of which the library decodes a few row groups at a time: the decoded metadata
+//! of all row groups of many scenarios would need more memory than a run.
 
 use std::io::SeekFrom;
 use std::ops::Range;
@@ -14,6 +14,8 @@ use crate::error::Cause;
 const MAX_SIZE: u64 = 1 << 28;
 /// Field of the row groups in the metadata of a file.
 const ROW_GROUPS: i64 = 4;
+/// Number of row groups that are decoded together, below 15: longer lists are encoded differently.
+const TOGETHER: usize = 8;
 
 /// An encoded footer.
 pub(super) struct Footer {
@@ -22,6 +24,8 @@ pub(super) struct Footer {
     list: Range<usize>,
     /// Place of each row group.
     groups: Vec<Range<usize>>,
+    /// Number of the first of the decoded row groups, and their metadata: that of a file that has them alone.
+    decoded: Option<(usize, ParquetMetaData)>,
 }
 
 impl Footer {
@@ -76,7 +80,7 @@ impl Footer {
             }
             list.end = place(&reader);
         }
-        Some(Self { list, groups, bytes })
+        Some(Self { list, groups, bytes, decoded: None })
     }
 
     /// Returns the number of row groups.
@@ -92,11 +96,20 @@ impl Footer {
         decode(&[before, list, after].concat())
     }
 
-    /// Decodes the metadata of a row group: that of a file that has it alone.
-    pub(super) fn group(&self, index: usize) -> Result<RowGroupMetaData, Cause> {
-        let group = &self.bytes[self.groups[index].clone()];
-        let file = decode(&[&self.bytes[..self.list.start], &[1 << 4 | STRUCTURE], group, &[0]].concat())?;
-        Ok(file.row_group(0).clone())
+    /// Returns the metadata of a row group, which are decoded with those of its neighbours.
+    pub(super) fn group(&mut self, index: usize) -> Result<&RowGroupMetaData, Cause> {
+        let first = index / TOGETHER * TOGETHER;
+        let decoded = match self.decoded.take() {
+            Some((known, decoded)) if known == first => decoded,
+            _ => {
+                let groups = &self.groups[first..self.groups.len().min(first + TOGETHER)];
+                let list = [(groups.len() as u8) << 4 | STRUCTURE];
+                let of_groups = &self.bytes[groups[0].start..groups[groups.len() - 1].end];
+                decode(&[&self.bytes[..self.list.start], &list, of_groups, &[0]].concat())?
+            }
+        };
+        let (_, decoded) = self.decoded.insert((first, decoded));
+        Ok(decoded.row_group(index - first))
     }
 }
 

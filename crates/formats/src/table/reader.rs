@@ -71,9 +71,9 @@ impl TableReader {
 
     pub(super) fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
-        let (footer, length) = Footer::read(&mut *file).map_err(refuse)?;
+        let (mut footer, length) = Footer::read(&mut *file).map_err(refuse)?;
         let metadata = footer.file().map_err(refuse)?;
-        let groups = groups(&footer, &metadata, length).map_err(refuse)?;
+        let groups = groups(&mut footer, &metadata, length).map_err(refuse)?;
         let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
         let metadata =
             guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options)).map_err(refuse)?;
@@ -191,7 +191,7 @@ impl TableReader {
             return Err(Cause::value("the number of rows of a row group", group.rows, most));
         }
         let data = load(&mut *self.file, group)?;
-        let mut decoder = data.decode(&self.metadata, &self.footer.group(index)?, columns)?;
+        let mut decoder = data.decode(&self.metadata, self.footer.group(index)?, columns)?;
         guarded(|| decoder.read(group.rows))
     }
 
@@ -213,7 +213,7 @@ impl TableReader {
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
             let data = load(&mut *self.file, group)?;
             let decoded = self.footer.group(self.next)?;
-            self.decoder = Some(data.decode(&self.metadata, &decoded, &self.columns)?);
+            self.decoder = Some(data.decode(&self.metadata, decoded, &self.columns)?);
             self.rows = group.rows;
             self.next += 1;
         }
@@ -250,7 +250,7 @@ pub(super) fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Resul
 }
 
 /// Returns the row groups; every number is checked against the length of the data.
-fn groups(footer: &Footer, metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
+fn groups(footer: &mut Footer, metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
     let wrong = |what: &str| Cause::Undecodable(format!("the footer is inconsistent: {what}"));
     let mut groups = Vec::with_capacity(footer.groups());
     let mut total = 0i64;
