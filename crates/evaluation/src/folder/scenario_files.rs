@@ -11,8 +11,7 @@ use super::read_provenance;
 use crate::error::EvaluationError;
 use crate::source::Source;
 use crate::source::scenario_files::ScenarioFiles;
-use crate::spec::RunSpec;
-use crate::spec::scenarios::{ReadingSpec, ScenarioSpec};
+use crate::spec::{ReadingSpec, RunSpec, ScenarioSpec};
 
 impl ScenarioFiles {
     /// Returns the given scenarios of runs. The shipped benchmark is always available, and so are inputs of the
