@@ -365,8 +365,9 @@ def read_safetensors(
             try:
                 array = np.empty(shape, dtype)
             except ValueError as error:
-                text_of = "safetensors: tensor `%s` of shape %s: %s"
-                raise ProtocolError(text_of % (name, shape, error)) from None
+                raise ProtocolError(
+                    "safetensors: tensor `%s` of shape %s: %s" % (name, shape, error)
+                ) from None
         if _fill(stream, array) < array.nbytes:
             raise ProtocolError(_CUT)
         tensors[name] = array

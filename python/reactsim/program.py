@@ -221,7 +221,7 @@ def invoke(
             if program.poll() is None:
                 program.kill()
                 program.wait()
-            messages.join(MESSAGES_LIMIT)
+            messages.join(None if answer is None else MESSAGES_LIMIT)
     if code not in codes:
         text = "\n".join(last).strip() or CHECK
         raise ReactsimError(f"`reactsim {shlex.join(command)}` ended with code {code}:\n{text}")

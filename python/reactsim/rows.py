@@ -116,10 +116,10 @@ def value_of(metric: dict[str, Any] | None) -> float | None:
 
 def flat(line: dict[str, Any], prefixes: dict[str, str]) -> dict[str, Any]:
     """Moves the entries of nested objects to the line."""
-    flat = {key: value for key, value in line.items() if key not in prefixes}
+    result = {key: value for key, value in line.items() if key not in prefixes}
     for key, prefix in prefixes.items():
-        flat.update({prefix + name: value for name, value in (line.get(key) or {}).items()})
-    return flat
+        result.update({prefix + name: value for name, value in (line.get(key) or {}).items()})
+    return result
 
 
 def flat_row(row: dict[str, Any]) -> dict[str, Any]:

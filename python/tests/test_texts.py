@@ -25,6 +25,12 @@ def test_texts_name_what_exists(path: str) -> None:
         assert hasattr(reactsim, name), name
 
 
+def test_all_names_exist() -> None:
+    assert len(set(reactsim.__all__)) == len(reactsim.__all__)
+    for name in reactsim.__all__:
+        assert hasattr(reactsim, name)
+
+
 def test_both_ways_to_install_have_the_same_requirements() -> None:
     tomllib = pytest.importorskip("tomllib")
     whole, alone, cargo = (
@@ -44,6 +50,8 @@ def test_help_has_the_attributes() -> None:
         reactsim.Scenes: ("history", "n_history", "n_steps"),
         reactsim.Simulator: ("batch", "any_length"),
         reactsim.Planner: ("name", "any_length"),
+        reactsim.Event: ("metric", "last_step"),
+        reactsim.Rollout: ("agents", "states", "n_history"),
     }.items():
         attributes = (kind.__doc__ or "").split("Attributes:")[1]
         assert all(f"\n        {name}: " in attributes for name in names), kind

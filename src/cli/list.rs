@@ -65,9 +65,9 @@ pub(super) fn list(args: &ListArgs) -> anyhow::Result<ExitStatus> {
     let rows = match &args.what {
         Kind::Parameters { model } => parameters::rows(model)?,
         Kind::Scenarios(args) => {
-            let found = scenarios::rows(args)?;
-            failed = found.1;
-            found.0
+            let (rows, count) = scenarios::rows(args)?;
+            failed = count;
+            rows
         }
         Kind::Tasks => tasks::rows(),
         Kind::MetricOptions => {

@@ -88,10 +88,7 @@ pub(super) fn write_result(
 }
 
 /// Writes a file as a whole, or not at all. Devices and pipes are written to directly.
-pub(super) fn write_file(
-    path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> io::Result<()> {
+fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     if path.metadata().is_ok_and(|metadata| !metadata.is_file()) {
         let mut out = BufWriter::new(File::create(path)?);
         return write(&mut out).and_then(|()| out.flush());

@@ -225,6 +225,7 @@ impl Lines {
 fn add_links(links: &mut Vec<[i32; 7]>, first: i32, map: &RoadMap) {
     for (i, lane) in map.lanes.iter().enumerate() {
         let from = first + i as i32;
+        // The relations of `link` in `docs/external-protocol.md`.
         for (relation, lanes) in [(0, &lane.successors), (1, &lane.predecessors)] {
             links.extend(lanes.iter().map(|to| [from, first + *to as i32, relation, 0, 0, 0, 0]));
         }

@@ -91,7 +91,7 @@ impl Default for View<'_> {
     }
 }
 
-/// Panels per row of a strip.
+/// Panels per row.
 const PANELS_PER_ROW: usize = 4;
 /// Height of the title, pixels.
 const TITLE_HEIGHT: f64 = 40.0;

@@ -40,8 +40,11 @@ pub const COLUMNS: &[Column] = &[
 /// The columns of the paper's main table.
 pub const MAIN_COLUMNS: &[Column] = COLUMNS.split_at(7).0;
 
+/// Test of the settings of a run.
+type SettingsTest = fn(&SettingsRecord) -> bool;
+
 /// Columns that apply only to runs with certain settings.
-const CONDITIONS: &[(&str, fn(&SettingsRecord) -> bool)] = &[
+const CONDITIONS: &[(&str, SettingsTest)] = &[
     // The likelihood of the log is a measure of realism (the paper's second table).
     ("kinematic-likelihood", |settings| settings.protocol != "reactive"),
     ("min-ade", |settings| settings.rollouts != 1),

@@ -70,12 +70,13 @@ pub(super) fn score(args: &ScoreArgs, partition: Partition, out: &Path) -> anyho
     let (settings, progress) = (settings(args)?, Progress::new());
     let mut observe = observer(&progress);
     let scores = if is_run(path) {
+        let pairs = run_pairs(args, path)?;
         let counts: Vec<usize> = match logs.len() < partition.count() {
             true => logs.par_iter().map(LogSource::count).collect(),
             false => Vec::new(),
         };
         let ranges = partition.of_inputs(logs.len(), 1, |i| counts[i]);
-        score_run(args, run_pairs(args, path)?.within(ranges), &settings, &mut observe)
+        score_run(args, pairs.within(ranges), &settings, &mut observe)
     } else {
         let own = partition.of(SubmissionReader::open(path)?.count());
         let mut pairs = submitted_pairs(args, path)?;

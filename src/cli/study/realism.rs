@@ -1,11 +1,10 @@
 //! Realism metrics of `reactsim study realism`.
 
-use std::io::Write;
 use std::path::Path;
 
 use anyhow::Context;
 
-use crate::cli::output::{say, write_file};
+use crate::cli::output::{say, write_result};
 use crate::cli::progress::Progress;
 use crate::evaluation::read_summary;
 use crate::evaluation::realism::{
@@ -40,7 +39,5 @@ pub(super) fn score_realism(study: &Path, sources: &[LogSource]) -> anyhow::Resu
         scores.write_rows(&mut rows).context("could not make the rows")?;
     }
     RealismSummary::write_all(&summaries, study)?;
-    let path = study.join(REALISM_ROWS);
-    write_file(&path, |out: &mut dyn Write| out.write_all(&rows))
-        .with_context(|| format!("could not write {}", path.display()))
+    write_result(Some(&study.join(REALISM_ROWS)), |out| out.write_all(&rows))
 }

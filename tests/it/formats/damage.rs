@@ -93,7 +93,7 @@ fn damaged_native_files() {
     let (womd, path) = (folder.path().join("f.tfrecord"), folder.path().join("f.parquet"));
     let ten: Vec<Proto> = (0..10).map(|i| Proto { id: i.to_string(), ..Proto::default() }).collect();
     fs::write(&womd, proto::records(&ten)).unwrap();
-    write(&path, &good(&womd));
+    write(&path, good(&womd));
     fs::remove_file(&womd).unwrap();
     hurt(&path, 89);
 }

@@ -71,9 +71,8 @@ impl TableReader {
 
     pub(super) fn over(path: &Path, mut file: Box<dyn Input>) -> Result<Self, FormatError> {
         let refuse = |cause| FormatError::file(path, cause);
-        let (mut footer, length) = Footer::read(&mut *file).map_err(refuse)?;
-        let metadata = footer.file().map_err(refuse)?;
-        let groups = groups(&mut footer, &metadata, length).map_err(refuse)?;
+        let (footer, metadata, length) = Footer::read(&mut *file).map_err(refuse)?;
+        let groups = groups(&footer, &metadata, length).map_err(refuse)?;
         let options = ArrowReaderOptions::new().with_skip_arrow_metadata(true);
         let metadata =
             guarded(|| ArrowReaderMetadata::try_new(Arc::new(metadata), options)).map_err(refuse)?;
@@ -191,7 +190,7 @@ impl TableReader {
             return Err(Cause::value("the number of rows of a row group", group.rows, most));
         }
         let data = load(&mut *self.file, group)?;
-        let mut decoder = data.decode(&self.metadata, self.footer.group(index)?, columns)?;
+        let mut decoder = data.decode(&self.metadata, &self.footer.group(index)?, columns)?;
         guarded(|| decoder.read(group.rows))
     }
 
@@ -213,7 +212,7 @@ impl TableReader {
             let Some(group) = self.groups.get(self.next) else { return Ok(None) };
             let data = load(&mut *self.file, group)?;
             let decoded = self.footer.group(self.next)?;
-            self.decoder = Some(data.decode(&self.metadata, decoded, &self.columns)?);
+            self.decoder = Some(data.decode(&self.metadata, &decoded, &self.columns)?);
             self.rows = group.rows;
             self.next += 1;
         }
@@ -231,8 +230,8 @@ fn mask(metadata: &ArrowReaderMetadata, columns: &[&str]) -> ProjectionMask {
 /// Returns the kind of a Parquet file from its metadata: `Ok(None)` if there is none, `Err` if the footer
 /// cannot be read.
 pub fn kind(path: &Path) -> Result<Option<String>, Cause> {
-    let (footer, _) = Footer::read(&mut open_regular(path).map_err(Cause::read)?)?;
-    Ok(find(&footer.file()?, KIND).map(str::to_owned))
+    let (_, metadata, _) = Footer::read(&mut open_regular(path).map_err(Cause::read)?)?;
+    Ok(find(&metadata, KIND).map(str::to_owned))
 }
 
 fn find<'a>(metadata: &'a ParquetMetaData, key: &str) -> Option<&'a str> {
@@ -250,7 +249,7 @@ pub(super) fn guarded<T>(run: impl FnOnce() -> Result<T, ParquetError>) -> Resul
 }
 
 /// Returns the row groups; every number is checked against the length of the data.
-fn groups(footer: &mut Footer, metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
+fn groups(footer: &Footer, metadata: &ParquetMetaData, length: u64) -> Result<Vec<RowGroup>, Cause> {
     let wrong = |what: &str| Cause::Undecodable(format!("the footer is inconsistent: {what}"));
     let mut groups = Vec::with_capacity(footer.groups());
     let mut total = 0i64;

@@ -127,6 +127,10 @@ impl<'a> Survey<'a> {
             heights: of(&heights.drivable_area, i),
         });
         let ground = ground.collect();
+        for footway in &layout.footways {
+            let (heights, points) = (&footway.heights, footway.line.points().len());
+            assert!(heights.is_empty() || heights.len() == points && heights.iter().all(|z| z.is_finite()));
+        }
         let mut survey = Self { layout, lanes, index, meetings: BTreeMap::new(), ground };
         survey.meetings = survey.find_meetings();
         survey
