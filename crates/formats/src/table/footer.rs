@@ -151,7 +151,7 @@ mod tests {
     fn footers_that_the_library_understands_otherwise_are_refused() {
         // The version has the type of a byte; the library reads two, and finds another list of row groups.
         let mut footer = vec![0x13, 0x80, 0x58, 0x19, 0x1c, 0x48, 1, b'm', 0x15, 0, 0, 0x16, 0, 0x19, 0x0c];
-        footer.extend([0; 12]);
+        footer.extend([0; 14]);
         footer.extend([0x09, 8, 0x1c, 0, 0]);
         assert!(read(&footer).is_err());
     }
