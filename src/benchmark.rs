@@ -62,7 +62,7 @@ const DEFAULT_BATCH: NonZeroUsize = NonZeroUsize::new(4).expect("4 is not 0");
 /// first scenario.
 #[must_use = "a benchmark does nothing until `run` is called"]
 pub struct Benchmark {
-    /// Scenarios in memory, in place of those of the specification.
+    /// Scenarios in memory; `None` if the specification names them.
     scenarios: Option<Vec<Scenario>>,
     spec: RunSpec,
     /// Whether the default baselines run if no simulator is named, as for `reactsim run`.

@@ -18,8 +18,7 @@ named_enum! {
     pub enum Smoothing {
         /// The full stage.
         Full = "qp",
-        /// Without clearance to other agents, to measure the effect of smoothness, limits and the road
-        /// alone.
+        /// Without clearance to other agents, to measure the effect of smoothness, limits and the road alone.
         WithoutOthers = "qp-alone",
     }
 }

@@ -20,8 +20,8 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Deviations> {
     Ok(deviations)
 }
 
-/// Lets the AV follow its deviation and each agent its response; agents without a response keep their log. Appends
-/// `certificate` to the id. Returns `false` if there is no certificate for the scenario.
+/// Lets the AV follow its deviation and each agent its response; agents without a response keep their log.
+/// Appends `certificate` to the id. Returns `false` if there is no certificate for the scenario.
 pub(super) fn put_into(deviations: &Deviations, scenario: &mut Scenario) -> anyhow::Result<bool> {
     let Some(record) = deviations.tracks.get(&scenario.id) else { return Ok(false) };
     let Some(certificate) = record.certificate_in(scenario.origin) else { return Ok(false) };

@@ -57,8 +57,8 @@ pub(super) struct SelectedScenarios {
 }
 
 impl SelectedScenarios {
-    /// Passes every selected scenario to `visit`; of a file of deviations, those that it has, with the deviated
-    /// AVs there. Files and scenarios that cannot be read are warnings; returns their number.
+    /// Passes every selected scenario to `visit`; of a file of deviations, those that it has, with the
+    /// deviated AVs there. Files and scenarios that cannot be read are warnings; returns their number.
     ///
     /// # Errors
     /// The first error of `visit`.

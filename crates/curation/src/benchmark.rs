@@ -100,7 +100,8 @@ impl Recipe<'_> {
     /// each one the scenario or the reason why it could not be generated.
     ///
     /// # Errors
-    /// [`BenchmarkError`] if not a single scenario can be taken, and the first error of `take` and of `tried`.
+    /// [`BenchmarkError`] if not a single scenario can be taken, and the first error of `take` and of
+    /// `tried`.
     pub fn run(
         &self,
         (known, mut tried): (u64, impl Iterator<Item = Result<Result<TriedScenario, String>, FormatError>>),

@@ -114,10 +114,8 @@ impl ExternalPlanner {
     /// # Errors
     /// [`ExternalError`] for wrong settings, or if the process does not start or greet, or is no planner.
     pub fn start(settings: ExternalSettings, outline: RunOutline) -> Result<Self, ExternalError> {
-        let workers = settings.workers;
-        // Refuses too many of them.
         let processes = Processes::start(settings, outline, Role::Planner)?;
-        let slots = (0..workers).map(|_| Mutex::default()).collect();
+        let slots = (0..processes.workers.settings.workers).map(|_| Mutex::default()).collect();
         Ok(Self { processes, slots, episodes: Arc::default() })
     }
 

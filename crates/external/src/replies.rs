@@ -166,7 +166,8 @@ pub(super) fn trajectory(
     Ok(Ok(PlannedPoses { poses, present }))
 }
 
-/// Returns the first impossible value of a pose with its axis and what it should have been; NaN is impossible.
+/// Returns the first impossible value of a pose with its axis and what it should have been; NaN is
+/// impossible.
 fn impossible(pose: [f64; 3]) -> Option<(&'static str, f64, &'static str)> {
     let position = "metres from the origin of the scenario";
     let axes = [("x", position), ("y", position), ("heading", "radians, not degrees")];

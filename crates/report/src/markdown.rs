@@ -76,7 +76,7 @@ pub(super) fn legend(out: &mut dyn Write, of: impl IntoIterator<Item = TableMark
     writeln!(out, "{NUMBERS}.")
 }
 
-/// What the numbers of tables are.
+/// Explanation of the numbers in tables, which stands below them.
 pub(super) const NUMBERS: &str =
     "Means over scenarios ± half the width of the 95 % bootstrap interval; ↓ less is better, ↑ more is";
 

@@ -199,7 +199,8 @@ pub(super) struct Line<'a> {
     pub(super) metrics: &'a BTreeMap<String, Estimate>,
 }
 
-/// Returns the lines of a table over runs, or over one part of their scenarios, in the order of their simulators.
+/// Returns the lines of a table over runs, or over one part of their scenarios, in the order of their
+/// simulators.
 pub(super) fn lines<'a>(runs: &'a [super::Run<'a>], part: Option<(Division, &str)>) -> Vec<Line<'a>> {
     lines_of(runs, part, |_| true)
 }

@@ -33,8 +33,8 @@ impl Scenario {
 
     /// Returns the scenario as it is in a rollout that agents of [`Self::unselected`] enter, for judging and
     /// drawing: they follow the agents of the beginning in this order, and are absent at the current frame,
-    /// where [`Start::now`] has no state of them. Of the other agents it has the static context, which is that
-    /// of each frame.
+    /// where [`Start::now`] has no state of them. Of the other agents it has the static context, which is
+    /// that of each frame.
     pub fn with_entered(&self, entered: &[usize]) -> Self {
         let length = self.length();
         let is_context = |logged: &&LoggedAgent| logged.agent.kind == AgentKind::Other;
@@ -66,7 +66,7 @@ impl Scenario {
         scenario
     }
 
-    /// Adds an agent after those of the beginning.
+    /// Appends a logged agent: its frames up to the current one to the start, the later ones to the log.
     pub(super) fn add_agent(&mut self, logged: LoggedAgent, length: Length) {
         let LoggedAgent { agent, mut track, mut heights } = logged;
         self.log_future.tracks.push(track.split_off(length.history));

@@ -91,8 +91,8 @@ fn rolled_out(args: &InspectArgs, scenario: &Scenario) -> anyhow::Result<Vec<Dra
     simulators.iter().map(|simulator| live(simulator, args.index, scenario)).collect()
 }
 
-/// Runs rollout `index` of a simulator against the deviated AV of a scenario, with the default settings of `run`
-/// and the same result.
+/// Runs rollout `index` of a simulator against the deviated AV of a scenario, with the default settings of
+/// `run` and the same result.
 fn live(simulator: &PlannedSimulator, index: u32, scenario: &Scenario) -> anyhow::Result<DrawnRollout> {
     let deviation = scenario.deviation.as_ref().ok_or_else(|| {
         anyhow!(

@@ -61,7 +61,8 @@ impl<'a> Reader<'a> {
         visited
     }
 
-    /// Warns of what could not be read, and says that the `others` were used; returns the status of the command.
+    /// Warns of what could not be read, and says that the `others` were used; returns the status of the
+    /// command.
     pub(super) fn status(&self, others: &str) -> ExitStatus {
         if self.failed == 0 {
             return ExitStatus::Done;

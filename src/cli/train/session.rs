@@ -82,8 +82,8 @@ impl SessionArgs {
     }
 }
 
-/// Returns the options of `run` that keep rollouts in a folder, continue it on `--resume` if it exists, and set
-/// the threads.
+/// Returns the options of `run` that keep rollouts in a folder, continue it on `--resume` if it exists, and
+/// set the threads.
 pub(super) fn run_arguments(out: &Path, resume: bool, jobs: JobsArg) -> Vec<OsString> {
     let mut line: Vec<OsString> = vec!["--out".into(), out.into(), "--keep-rollouts".into()];
     if resume && out.exists() {

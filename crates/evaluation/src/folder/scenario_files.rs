@@ -14,8 +14,8 @@ use crate::source::scenario_files::ScenarioFiles;
 use crate::spec::{ReadingSpec, RunSpec, ScenarioSpec};
 
 impl ScenarioFiles {
-    /// Returns the given scenarios of runs. The shipped benchmark is always available, and so are inputs of the
-    /// runs that are where the specifications of the runs name them, or in the current folder.
+    /// Returns the given scenarios of runs. The shipped benchmark is always available, and so are inputs of
+    /// the runs that are where the specifications of the runs name them, or in the current folder.
     ///
     /// # Errors
     /// [`EvaluationError`] if a given file or the provenance of a run cannot be read.
@@ -34,7 +34,8 @@ impl ScenarioFiles {
                 here.flat_map(|path| found(&ReadingSpec::default(), slice::from_ref(&path))).collect();
             inputs.extend(if names.is_empty() { Vec::new() } else { specified(run, &names) });
             for input in inputs.iter().filter(|input| names.contains(name_of(&input.path).as_ref())) {
-                // A file of the same name may have other scenarios; then they are missing, which the page says.
+                // A file of the same name may have other scenarios; then they are missing, which the page
+                // says.
                 files.add_file(input).ok();
             }
         }

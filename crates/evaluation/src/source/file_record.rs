@@ -144,7 +144,8 @@ impl FileRecord {
     }
 }
 
-/// Returns the current frames of a requested one, or of the number of frames between those of windows.
+/// Returns which frames of a file are current: the requested one, those of windows that begin `step` frames
+/// apart, or the recorded ones.
 pub(crate) fn current_frames(frame: Option<usize>, step: Option<NonZeroUsize>) -> CurrentFrames {
     match (frame, step) {
         (Some(frame), _) => CurrentFrames::At(frame),

@@ -31,8 +31,8 @@ pub(super) struct Footer {
 }
 
 impl Footer {
-    /// Reads the footer of a file. Also returns the metadata of the file, without row groups, and the number of
-    /// bytes before the footer.
+    /// Reads the footer of a file. Also returns the metadata of the file, without row groups, and the number
+    /// of bytes before the footer.
     pub(super) fn read(file: &mut dyn Input) -> Result<(Self, ParquetMetaData, u64), Cause> {
         let length = file.seek(SeekFrom::End(0)).map_err(Cause::read)?;
         if length < 12 {

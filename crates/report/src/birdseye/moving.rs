@@ -22,8 +22,8 @@ impl Scene<'_> {
         self.view.marks.iter().filter_map(|mark| agents::place(self, mark))
     }
 
-    /// Draws a step in a window of a picture, with the rollout and the marks of the view: the map with its lights,
-    /// the paths of the AV, the agents, and the events so far.
+    /// Draws a step in a window of a picture, with the rollout and the marks of the view: the map with its
+    /// lights, the paths of the AV, the agents, and the events so far.
     pub(crate) fn draw_step(&self, canvas: &mut Canvas, step: usize, window: Window) {
         canvas.open_window(window, 0);
         let step = step.min(self.last);
