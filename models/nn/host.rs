@@ -15,6 +15,7 @@ mod attention;
 mod gate;
 mod gelu;
 mod learned_rows;
+mod mish;
 mod numbers;
 mod product;
 mod relational;
@@ -29,10 +30,11 @@ pub(crate) use attention::{Attention, attend};
 pub(crate) use gate::gate;
 pub(crate) use gelu::gelu;
 pub(crate) use learned_rows::{LearnedRows, learned_rows, matrix_gradients, row_gradients};
+pub(crate) use mish::{LARGE as MISH_BOUND, mish};
 use numbers::Numbers;
 pub(crate) use relational::{Slots, attend_to_neighbors};
 pub(crate) use rows::{Finish, Norm};
-pub(crate) use rows::{RowPass, pass, pool};
+pub(crate) use rows::{RowPass, gather, largest, pass};
 
 /// Largest number of 32-bit numbers in a vector register (AVX-512). Rows are padded to a multiple of it,
 /// which registers of other sizes divide.

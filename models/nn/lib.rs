@@ -46,7 +46,7 @@ pub use noise::Noise;
 pub use perceptron::{Activation, Perceptron, PerceptronKind};
 pub use processor::cpu_class;
 pub use relations::Relations;
-pub use rows::{Rows, gelu, indices, linear, normalize, pool};
+pub use rows::{Rows, gather, gelu, indices, largest, linear, mish, normalize, pool};
 pub use shared_rows::{RowCollector, SharedRows};
 pub use size_error::SizeError;
 pub use turns::cos_sin_rows;

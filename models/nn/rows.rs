@@ -155,6 +155,17 @@ pub fn gelu(x: Tensor<2>) -> Tensor<2> {
     if is_host(&x.device()) { host::gelu(x) } else { activation::gelu(x) }
 }
 
+/// Returns x · tanh(ln(1 + eˣ)) of each number x, by one exponential: with w = eˣ, the hyperbolic tangent is
+/// w (w + 2) / (w (w + 2) + 2).
+pub fn mish<const D: usize>(x: Tensor<D>) -> Tensor<D> {
+    if is_host(&x.device()) {
+        return host::mish(x);
+    }
+    let w = x.clone().clamp_max(host::MISH_BOUND).exp();
+    let n = w.clone() * (w + 2.0);
+    x * (n.clone() / (n + 2.0))
+}
+
 /// Returns m + σ(g) (o - m) of each logit g of a gate, own number o and message m, with the logistic function
 /// σ.
 pub(super) fn gated(logits: Tensor<2>, own: Tensor<2>, message: Tensor<2>) -> Tensor<2> {
@@ -179,12 +190,38 @@ pub fn normalize<const D: usize>(x: Tensor<D>) -> Tensor<D> {
 /// # Panics
 /// If the rows cannot be divided into `count` blocks.
 pub fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
+    let [rows, width] = x.dims();
+    let rows = rows / count;
     if is_host(&x.device()) {
-        return host::pool(x, count);
+        return host::largest(x.reshape([1, count, rows * width])).reshape([rows, width]);
     }
-    let rows = x.dims()[0] / count;
     let block = |k: usize| x.clone().narrow(0, k * rows, rows);
     (1..count).fold(block(0), |largest, k| largest.max_pair(block(k)))
+}
+
+/// Returns the element-wise maximum of the rows of each group, `[n, width]`, of groups `[n, each, width]`.
+///
+/// # Panics
+/// If groups have no rows.
+pub fn largest(groups: Tensor<3>) -> Tensor<2> {
+    if is_host(&groups.device()) { host::largest(groups) } else { groups.max_dim(1).squeeze_dim(1) }
+}
+
+/// Gathers places of each of `n` sequences, `[n, places, width]`, into `[n * index, width]`; places that are
+/// `None` are 0.
+///
+/// # Panics
+/// If there are fewer places.
+pub fn gather(x: Tensor<3>, index: &[Option<usize>]) -> Tensor<2> {
+    let device = x.device();
+    if is_host(&device) {
+        return host::gather(x, index);
+    }
+    let [n, places, width] = x.dims();
+    let zero = n * places;
+    let rows = (0..n).flat_map(|i| index.iter().map(move |at| at.map_or(zero, |at| i * places + at)));
+    let with_zero = Tensor::cat(vec![x.reshape([zero, width]), Tensor::zeros([1, width], &device)], 0);
+    with_zero.select(0, indices(rows, &device))
 }
 
 #[cfg(test)]
@@ -261,8 +298,14 @@ mod tests {
     fn blocks_are_pooled() {
         check(|device| pool(made([20, 7], device), 5));
         check(|device| pool(made([20, 32], device), 1));
+        check(|device| largest(made([6, 5, 17], device)));
         let x = Tensor::<2>::from_data([[1.0f32], [f32::NAN], [2.0]], &device());
         assert!(numbers(pool(x, 3))[0].is_nan());
+    }
+
+    #[test]
+    fn places_are_gathered() {
+        check(|device| gather(made([3, 4, 5], device), &[Some(1), None, Some(3), Some(1)]));
     }
 
     #[test]
@@ -279,5 +322,25 @@ mod tests {
         let found = numbers(Rows::of(x).relu().done());
         assert!(found[0].is_nan());
         assert_eq!(found[1..], [0.0, 2.0]);
+    }
+
+    #[test]
+    fn mish_and_its_gradients_are_those_of_the_backend() {
+        let values: Vec<f32> = (-1200..=1200).map(|k| k as f32 * 0.025).collect();
+        let device = device().autodiff();
+        let of = |function: fn(Tensor<1>) -> Tensor<1>| {
+            let x = Tensor::<1>::from_floats(values.as_slice(), &device).require_grad();
+            let y = function(x.clone());
+            let gradients = y.clone().sum().backward();
+            [numbers(y), numbers(x.grad(&gradients).unwrap())]
+        };
+        let [expected, slopes] = of(activation::mish);
+        let [with_gradients, own_slopes] = of(mish);
+        let on_host = numbers(mish(Tensor::<1>::from_floats(values.as_slice(), &super::super::device())));
+        let all = with_gradients.iter().zip(&expected).chain(on_host.iter().zip(&expected));
+        for (a, b) in all.chain(own_slopes.iter().zip(&slopes)) {
+            assert!((a - b).abs() < 1e-5 * (1.0 + b.abs()), "{a} {b}");
+        }
+        assert!(numbers(mish(Tensor::<1>::from_floats([f32::NAN], &super::super::device())))[0].is_nan());
     }
 }

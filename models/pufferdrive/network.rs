@@ -5,7 +5,7 @@ use burn::module::{Module, Param};
 use burn::nn::{Gelu, LayerNorm, Linear};
 use burn::tensor::activation::{relu, sigmoid};
 use burn::tensor::{Device, Tensor};
-use reactsim_nn::Initializer;
+use reactsim_nn::{Initializer, largest};
 
 /// Number of features of the vehicle itself.
 pub const EGO: usize = 7;
@@ -107,8 +107,8 @@ impl Network {
     pub fn forward(&self, ego: Tensor<2>, road: Tensor<3>, partners: Tensor<3>, state: Recurrent) -> Output {
         let policy = &self.policy;
         let ego = encode(&policy.ego_encoder, ego);
-        let road = encode(&policy.road_encoder, road).max_dim(1).squeeze_dim(1);
-        let partners = encode(&policy.partner_encoder, partners).max_dim(1).squeeze_dim(1);
+        let road = largest(encode(&policy.road_encoder, road));
+        let partners = largest(encode(&policy.partner_encoder, partners));
         let joined = Tensor::cat(vec![ego, road, partners], 1);
         let (gelu, linear) = &policy.shared_embedding;
         let next = self.lstm.forward(relu(linear.forward(gelu.forward(joined))), state);

@@ -5,7 +5,6 @@ mod config;
 mod convolution;
 mod ctg;
 mod denoiser;
-mod mish;
 mod motion;
 mod raster_encoder;
 

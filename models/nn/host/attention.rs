@@ -3,11 +3,11 @@
 use burn::tensor::{Tensor, TensorData};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::rows::totals;
-use super::softmax::partial_weights;
+use super::softmax::{exp, larger};
 use super::{LANES, Numbers};
 
-/// Queries that are computed together, so that keys and values are read once for all of them.
+/// Sums that are computed at the same time, as many as keep a processor busy: scores of as many keys, and mixed
+/// values of as many queries.
 const TOGETHER: usize = 8;
 
 /// Input of [`attend`]: `scenes` scenes of m queries and n keys each.
@@ -84,39 +84,18 @@ struct Pass<'a> {
     out: &'a mut [f32],
 }
 
+/// Numbers of [`LANES`] queries, which are computed together, so that keys and values are read once for all of
+/// them.
+type OfQueries = [f32; LANES];
+
 /// One head of one scene, laid out for vector units.
 struct Head {
-    /// A row per depth, with a column per key.
-    keys: Padded,
-    /// A row per key.
-    values: Padded,
-    /// A row per query: scores, then weights. A column per key.
-    scores: Padded,
-    /// A row per depth, with a column per query.
-    queries: Vec<[f32; TOGETHER]>,
-}
-
-/// A matrix whose rows are padded to a multiple of [`LANES`].
-struct Padded {
-    numbers: Vec<f32>,
-    width: usize,
-}
-
-impl Padded {
-    fn new(rows: usize, columns: usize) -> Self {
-        let width = columns.next_multiple_of(LANES);
-        Self { numbers: vec![0.0; rows * width], width }
-    }
-
-    #[inline(always)]
-    fn row(&self, row: usize) -> &[f32] {
-        &self.numbers[row * self.width..][..self.width]
-    }
-
-    #[inline(always)]
-    fn row_mut(&mut self, row: usize) -> &mut [f32] {
-        &mut self.numbers[row * self.width..][..self.width]
-    }
+    /// By depth; 0 for queries beyond the last.
+    queries: Vec<OfQueries>,
+    /// Scores, then weights, by key.
+    scores: Vec<OfQueries>,
+    /// A row per key, padded to a multiple of [`LANES`].
+    values: Vec<[f32; LANES]>,
 }
 
 impl WithSimd for Pass<'_> {
@@ -126,34 +105,35 @@ impl WithSimd for Pass<'_> {
     fn with_simd<S: Simd>(mut self, simd: S) {
         let Sizes { heads, m, n, v } = self.sizes;
         let depth = self.products.iter().map(|p| p.2).sum();
+        let blocks = v.div_ceil(LANES);
         let mut head = Head {
-            keys: Padded::new(depth, n),
-            values: Padded::new(n, v),
-            scores: Padded::new(TOGETHER, n),
-            queries: vec![[0.0; TOGETHER]; depth],
+            queries: vec![[0.0; LANES]; depth],
+            scores: vec![[0.0; LANES]; n],
+            values: vec![[0.0; LANES]; n * blocks],
         };
+        let mut masks = Vec::new();
         let out = std::mem::take(&mut self.out);
         for (scene, out) in out.chunks_exact_mut(m * heads * v).enumerate() {
+            if scene == 0 || self.mask_shape[0] > 1 {
+                self.read_masks(scene, &mut masks);
+            }
             for h in 0..heads {
-                self.read_keys(scene, h, &mut head.keys);
                 self.read_values(scene, h, &mut head.values);
-                for first in (0..m).step_by(TOGETHER) {
-                    let count = TOGETHER.min(m - first);
+                for first in (0..m).step_by(LANES) {
+                    let count = LANES.min(m - first);
                     self.read_queries(scene * m + first, count, h, &mut head.queries);
-                    score(simd, &head.queries, &head.keys, &mut head.scores);
-                    let mut sums = [[0.0; LANES]; TOGETHER];
-                    for (i, sums) in sums.iter_mut().enumerate().take(count) {
-                        let scores = head.scores.row_mut(i);
-                        self.close(scene, first + i, scores);
-                        *sums = partial_weights(scores);
-                    }
-                    let factors = totals(&sums).map(|sum| 1.0 / sum);
-                    for block in (0..v).step_by(LANES) {
-                        let sums = mix(simd, &head.scores, &head.values, block, n);
-                        for i in 0..count {
-                            let row = &mut out[((first + i) * heads + h) * v + block..];
-                            for k in 0..LANES.min(v - block) {
-                                row[k] = sums[i][k] * factors[i];
+                    self.score(simd, scene, h, &head.queries, &mut head.scores);
+                    self.close(&masks, first, &mut head.scores);
+                    let factors = weigh(&mut head.scores);
+                    for query in (0..count).step_by(TOGETHER) {
+                        for block in 0..blocks {
+                            let sums = mix(simd, &head.scores, query, &head.values, block, blocks);
+                            for i in 0..TOGETHER.min(count - query) {
+                                let begin = ((first + query + i) * heads + h) * v + block * LANES;
+                                let row = &mut out[begin..][..LANES.min(v - block * LANES)];
+                                for k in 0..row.len() {
+                                    row[k] = sums[i][k] * factors[query + i];
+                                }
                             }
                         }
                     }
@@ -164,32 +144,52 @@ impl WithSimd for Pass<'_> {
 }
 
 impl Pass<'_> {
+    /// Reads what is added to scores: by group of [`LANES`] queries, one if it does not depend on the query,
+    /// then by key.
     #[inline(always)]
-    fn read_keys(&self, scene: usize, h: usize, to: &mut Padded) {
-        let Sizes { heads, n, .. } = self.sizes;
-        let mut depth = 0;
-        for (_, keys, d) in &self.products {
-            for j in 0..n {
-                let key = &keys[((scene * n + j) * heads + h) * d..][..*d];
-                for i in 0..*d {
-                    to.numbers[(depth + i) * to.width + j] = key[i];
+    fn read_masks(&self, scene: usize, to: &mut Vec<OfQueries>) {
+        let [_, _, rows, columns] = self.mask_shape;
+        to.clear();
+        if rows == 1 {
+            to.extend(self.closed[self.mask_row(scene)..][..columns].iter().map(|mask| [*mask; LANES]));
+            return;
+        }
+        for first in (0..rows).step_by(LANES) {
+            let begin = to.len();
+            to.resize(begin + columns, [0.0; LANES]);
+            for i in 0..LANES.min(rows - first) {
+                let row = &self.closed[self.mask_row(scene) + (first + i) * columns..][..columns];
+                for (to, mask) in to[begin..].iter_mut().zip(row) {
+                    to[i] = *mask;
                 }
             }
-            depth += d;
         }
     }
 
+    /// Returns where the masks of a scene begin.
     #[inline(always)]
-    fn read_values(&self, scene: usize, h: usize, to: &mut Padded) {
+    fn mask_row(&self, scene: usize) -> usize {
+        let [scenes, _, rows, columns] = self.mask_shape;
+        if scenes == 1 { 0 } else { scene * rows * columns }
+    }
+
+    #[inline(always)]
+    fn read_values(&self, scene: usize, h: usize, to: &mut [[f32; LANES]]) {
         let Sizes { heads, n, v, .. } = self.sizes;
-        for j in 0..n {
+        for (j, to) in to.chunks_exact_mut(v.div_ceil(LANES).max(1)).enumerate() {
             let value = &self.values[((scene * n + j) * heads + h) * v..][..v];
-            to.row_mut(j)[..v].copy_from_slice(value);
+            let (blocks, rest) = value.as_chunks();
+            for i in 0..blocks.len() {
+                to[i] = blocks[i];
+            }
+            for k in 0..rest.len() {
+                to[blocks.len()][k] = rest[k];
+            }
         }
     }
 
     #[inline(always)]
-    fn read_queries(&self, first: usize, count: usize, h: usize, to: &mut [[f32; TOGETHER]]) {
+    fn read_queries(&self, first: usize, count: usize, h: usize, to: &mut [OfQueries]) {
         let mut depth = 0;
         for (queries, _, d) in &self.products {
             for i in 0..count {
@@ -202,64 +202,125 @@ impl Pass<'_> {
         }
     }
 
-    /// Adds the mask to the scores of a query and closes the padding.
+    /// Computes the scores of [`LANES`] queries.
     #[inline(always)]
-    fn close(&self, scene: usize, query: usize, scores: &mut [f32]) {
-        let [scenes, _, rows, columns] = self.mask_shape;
-        let row = (if scenes == 1 { 0 } else { scene }) * rows + if rows == 1 { 0 } else { query };
-        let mask = &self.closed[row * columns..][..columns];
-        let (used, padding) = scores.split_at_mut(self.sizes.n);
-        if columns == 1 {
-            for score in used {
-                *score += mask[0];
+    fn score<S: Simd>(
+        &self,
+        simd: S,
+        scene: usize,
+        h: usize,
+        queries: &[OfQueries],
+        scores: &mut [OfQueries],
+    ) {
+        let n = self.sizes.n;
+        let mut j = 0;
+        while j < n {
+            j += match n - j {
+                TOGETHER.. => {
+                    self.scores_of::<S, TOGETHER>(simd, scene * n + j, h, queries, &mut scores[j..])
+                }
+                _ => self.scores_of::<S, 1>(simd, scene * n + j, h, queries, &mut scores[j..]),
+            };
+        }
+    }
+
+    /// Computes the scores for K keys. Returns K.
+    #[inline(always)]
+    fn scores_of<S: Simd, const K: usize>(
+        &self,
+        simd: S,
+        first: usize,
+        h: usize,
+        queries: &[OfQueries],
+        scores: &mut [OfQueries],
+    ) -> usize {
+        for part in 0..LANES / S::F32_LANES {
+            let mut sums = [simd.splat_f32s(0.0); K];
+            let mut depth = 0;
+            for (_, keys, d) in &self.products {
+                let mut rows: [&[f32]; K] = [&[]; K];
+                for k in 0..K {
+                    rows[k] = &keys[((first + k) * self.sizes.heads + h) * d..][..*d];
+                }
+                for i in 0..*d {
+                    let query = S::as_simd_f32s(&queries[depth + i]).0[part];
+                    for k in 0..K {
+                        sums[k] = simd.mul_add_e_f32s(query, simd.splat_f32s(rows[k][i]), sums[k]);
+                    }
+                }
+                depth += d;
             }
-        } else {
-            for j in 0..columns {
-                used[j] += mask[j];
+            for k in 0..K {
+                S::as_mut_simd_f32s(&mut scores[k]).0[part] = sums[k];
             }
         }
-        padding.fill(f32::NEG_INFINITY);
+        K
+    }
+
+    /// Adds the masks to the scores of queries.
+    #[inline(always)]
+    fn close(&self, masks: &[OfQueries], first: usize, scores: &mut [OfQueries]) {
+        let [_, _, rows, columns] = self.mask_shape;
+        let masks = &masks[if rows == 1 { 0 } else { first / LANES * columns }..][..columns];
+        for j in 0..scores.len() {
+            let mask = if columns == 1 { &masks[0] } else { &masks[j] };
+            for i in 0..LANES {
+                scores[j][i] += mask[i];
+            }
+        }
     }
 }
 
-/// Computes the scores of [`TOGETHER`] queries.
+/// Replaces scores by weights e^(score - largest). Returns what each query's weights are to be multiplied with.
 #[inline(always)]
-fn score<S: Simd>(simd: S, queries: &[[f32; TOGETHER]], keys: &Padded, scores: &mut Padded) {
-    for j in 0..keys.width / S::F32_LANES {
-        let mut sums = [simd.splat_f32s(0.0); TOGETHER];
-        for (depth, query) in queries.iter().enumerate() {
-            let key = S::as_simd_f32s(keys.row(depth)).0[j];
-            for i in 0..TOGETHER {
-                sums[i] = simd.mul_add_e_f32s(simd.splat_f32s(query[i]), key, sums[i]);
-            }
-        }
-        for i in 0..TOGETHER {
-            S::as_mut_simd_f32s(scores.row_mut(i)).0[j] = sums[i];
+fn weigh(scores: &mut [OfQueries]) -> OfQueries {
+    let mut largest = [f32::NEG_INFINITY; LANES];
+    for score in scores.iter() {
+        for i in 0..LANES {
+            largest[i] = larger(score[i], largest[i]);
         }
     }
+    // As many sums per query, so that additions do not wait for one another.
+    let mut sums = [[0.0; LANES]; LANES];
+    for scores in scores.chunks_mut(LANES) {
+        for (scores, sums) in scores.iter_mut().zip(&mut sums) {
+            for i in 0..LANES {
+                scores[i] = exp(scores[i] - largest[i]);
+                sums[i] += scores[i];
+            }
+        }
+    }
+    let mut total = [0.0; LANES];
+    for sums in sums {
+        for i in 0..LANES {
+            total[i] += sums[i];
+        }
+    }
+    total.map(|sum| 1.0 / sum)
 }
 
-/// Returns sums of weighted values of [`TOGETHER`] queries: a block of columns that begins at `block`.
+/// Returns sums of weighted values of [`TOGETHER`] queries, from this one on: a block of columns.
 #[inline(always)]
 fn mix<S: Simd>(
     simd: S,
-    weights: &Padded,
-    values: &Padded,
+    weights: &[OfQueries],
+    query: usize,
+    values: &[[f32; LANES]],
     block: usize,
-    keys: usize,
+    blocks: usize,
 ) -> [[f32; LANES]; TOGETHER] {
     let mut out = [[0.0; LANES]; TOGETHER];
-    for k in 0..LANES / S::F32_LANES {
+    for part in 0..LANES / S::F32_LANES {
         let mut sums = [simd.splat_f32s(0.0); TOGETHER];
-        for j in 0..keys {
-            let value = S::as_simd_f32s(&values.row(j)[block..]).0[k];
+        for (weights, values) in weights.iter().zip(values.chunks_exact(blocks)) {
+            let value = S::as_simd_f32s(&values[block]).0[part];
+            let weights = &weights[query..][..TOGETHER];
             for i in 0..TOGETHER {
-                let weight = simd.splat_f32s(weights.numbers[i * weights.width + j]);
-                sums[i] = simd.mul_add_e_f32s(weight, value, sums[i]);
+                sums[i] = simd.mul_add_e_f32s(simd.splat_f32s(weights[i]), value, sums[i]);
             }
         }
         for i in 0..TOGETHER {
-            S::as_mut_simd_f32s(&mut out[i]).0[k] = sums[i];
+            S::as_mut_simd_f32s(&mut out[i]).0[part] = sums[i];
         }
     }
     out

@@ -265,20 +265,38 @@ pub(super) fn totals<const N: usize>(parts: &[[f32; LANES]; N]) -> [f32; N] {
     totals
 }
 
-/// Returns the element-wise maximum of `count` blocks of rows of equal height.
+/// Returns the element-wise maximum of the rows of each group, `[n, width]`, of groups `[n, each, width]`.
 ///
 /// # Panics
-/// If the rows cannot be divided into `count` blocks.
-pub(crate) fn pool(x: Tensor<2>, count: usize) -> Tensor<2> {
-    let (device, [rows, width]) = (x.device(), x.dims());
-    assert!(count > 0 && rows.is_multiple_of(count), "{count} blocks of {rows} rows");
-    let numbers = Numbers::of(x);
-    let block = rows / count * width;
-    let mut out = numbers.slice()[..block].to_vec();
-    for other in numbers.slice()[block..].chunks_exact(block.max(1)) {
-        Arch::new().dispatch(Maximum { out: &mut out, other });
+/// If groups have no rows.
+pub(crate) fn largest(groups: Tensor<3>) -> Tensor<2> {
+    let (device, [n, each, width]) = (groups.device(), groups.dims());
+    assert!(each > 0, "rows in groups");
+    let numbers = Numbers::of(groups);
+    let mut out = Vec::with_capacity(n * width);
+    for group in numbers.slice().chunks_exact((each * width).max(1)) {
+        let (first, others) = group.split_at(width);
+        let begin = out.len();
+        out.extend_from_slice(first);
+        for other in others.chunks_exact(width) {
+            Arch::new().dispatch(Maximum { out: &mut out[begin..], other });
+        }
     }
-    Tensor::from_data(TensorData::new(out, [rows / count, width]), &device)
+    Tensor::from_data(TensorData::new(out, [n, width]), &device)
+}
+
+/// Gathers places of each sequence, `[n, places, width]`, into `[n * index, width]`; those that are `None` are
+/// 0.
+pub(crate) fn gather(x: Tensor<3>, index: &[Option<usize>]) -> Tensor<2> {
+    let (device, [n, places, width]) = (x.device(), x.dims());
+    let (numbers, zeros) = (Numbers::of(x), vec![0.0; width]);
+    let mut rows = Vec::with_capacity(n * index.len() * width);
+    for sequence in numbers.slice().chunks_exact((places * width).max(1)) {
+        for at in index {
+            rows.extend_from_slice(at.map_or(&zeros, |at| &sequence[at * width..][..width]));
+        }
+    }
+    Tensor::from_data(TensorData::new(rows, [n * index.len(), width]), &device)
 }
 
 struct Maximum<'a> {

@@ -40,7 +40,7 @@ pub(super) fn partial_weights(scores: &mut [f32]) -> [f32; LANES] {
 
 /// Returns the larger number; the second one if the first is NaN.
 #[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
+pub(super) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 

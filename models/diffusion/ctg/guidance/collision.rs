@@ -1,7 +1,5 @@
 //! No collisions: agents are rows of discs, which keep a distance.
 
-use std::cmp::Ordering;
-
 use reactsim_geometry::{Vec2, direction, left, math};
 
 use super::{Cost, Motion, RuleScene};
@@ -30,12 +28,13 @@ pub(super) fn add(scene: &RuleScene<'_>, motion: &[Vec<Motion>], moves: &[bool],
                     cost.gradient[step].heading += by.heading * weight;
                 }
             };
-            for (j, other) in discs.iter().enumerate().skip(i + 1) {
+            for (j, other) in discs.iter().enumerate().skip(i + 1).filter(|(_, other)| own.is_near(other)) {
                 let (value, by) = own.cost(other);
                 pay(i, value, &by[0]);
                 pay(j, value, &by[1]);
             }
-            for other in scene.others.iter().filter_map(|other| other.discs.get(step)) {
+            let others = scene.others.iter().filter_map(|other| other.discs.get(step));
+            for other in others.filter(|other| own.is_near(other)) {
                 let (value, by) = own.cost(other);
                 pay(i, value, &by[0]);
             }
@@ -70,15 +69,15 @@ impl Discs {
         }
     }
 
-    /// Returns the cost of two agents, and its derivatives by the states of each; 0 if a state is not a
-    /// number.
+    /// Returns whether some of the discs may be too close; not if a state is not a number.
+    fn is_near(&self, other: &Self) -> bool {
+        (self.center - other.center).norm() <= self.reach + other.reach + BUFFER
+    }
+
+    /// Returns the cost of two agents, and its derivatives by the states of each.
     fn cost(&self, other: &Self) -> (f64, [Motion; 2]) {
         let mut on = [Motion::default(); 2];
         let mut value = 0.0;
-        let near = self.reach + other.reach + BUFFER;
-        if (self.center - other.center).norm().partial_cmp(&near).is_none_or(Ordering::is_gt) {
-            return (value, on);
-        }
         let least = self.radius + other.radius + BUFFER;
         for (p, turn_p) in self.centers.iter().zip(&self.turns) {
             for (q, turn_q) in other.centers.iter().zip(&other.turns) {

@@ -3,8 +3,8 @@
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
-use burn::tensor::{Int, Tensor, TensorData};
-use reactsim_nn::{Initializer, Rows};
+use burn::tensor::Tensor;
+use reactsim_nn::{Initializer, Rows, gather};
 
 /// A convolution of images by 3 by 3 pixels with stride 2, with a layer norm over channels and ReLU.
 #[derive(Module, Debug)]
@@ -68,20 +68,6 @@ impl Convolution {
         let outputs = out.dims()[1];
         out.reshape([n, steps / stride, outputs])
     }
-}
-
-/// Gathers places of each of `n` sequences, `[n, places, channels]`, into `[n * index, channels]`; places
-/// that are `None` are 0.
-fn gather(x: Tensor<3>, index: &[Option<usize>]) -> Tensor<2> {
-    let [n, places, channels] = x.dims();
-    let device = x.device();
-    let zero = n * places;
-    let rows = (0..n).flat_map(|i| index.iter().map(move |at| at.map_or(zero, |at| i * places + at) as i32));
-    let rows: Vec<i32> = rows.collect();
-    let count = rows.len();
-    let rows = Tensor::<1, Int>::from_data(TensorData::new(rows, [count]), &device);
-    let with_zero = Tensor::cat(vec![x.reshape([zero, channels]), Tensor::zeros([1, channels], &device)], 0);
-    with_zero.select(0, rows)
 }
 
 #[cfg(test)]

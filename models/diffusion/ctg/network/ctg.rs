@@ -4,11 +4,10 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::Tensor;
 use reactsim_nn::perception::Class;
-use reactsim_nn::{Initializer, Perceptron, PerceptronKind, linear};
+use reactsim_nn::{Initializer, Perceptron, PerceptronKind, linear, mish};
 
 use super::config::{CtgConfig, Decoding};
 use super::denoiser::Denoiser;
-use super::mish::mish;
 use super::motion::trajectory;
 use super::raster_encoder::RasterEncoder;
 use crate::ctg::Sight;

@@ -3,10 +3,9 @@
 use burn::module::Module;
 use burn::nn::{LayerNorm, Linear};
 use burn::tensor::Tensor;
-use reactsim_nn::{Initializer, linear};
+use reactsim_nn::{Initializer, linear, mish};
 
 use super::convolution::Convolution;
-use super::mish::mish;
 use super::motion::NUMBERS;
 
 /// Taps of the convolutions.

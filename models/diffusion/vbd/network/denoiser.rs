@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Tensor, TensorData};
-use reactsim_nn::{CLOSED, Initializer, Perceptron, PerceptronKind};
+use reactsim_nn::{CLOSED, Initializer, Perceptron, PerceptronKind, largest};
 
 use super::config::VbdConfig;
 use super::cross_block::{CrossBlock, KeysValues};
@@ -114,7 +114,7 @@ impl Denoiser {
             read = Tensor::cat(vec![read, held.reshape([agents * count, 2])], 1);
         }
         let held = encoder.forward(read);
-        let held = held.reshape([agents * actions, config.hold, d]).max_dim(1).squeeze_dim::<2>(1);
+        let held = largest(held.reshape([agents * actions, config.hold, d]));
         let level = rows_of(&self.noise_level_embedding, std::iter::once(level), &device);
         let when = time_embedding.weight.val() + level;
         let mut first = held.reshape([agents, actions, d]) + when.unsqueeze_dim::<3>(0);

@@ -3,7 +3,7 @@
 use burn::module::Module;
 use burn::nn::Embedding;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use reactsim_nn::{CLOSED, FourierEmbedding, Initializer, Perceptron, PerceptronKind};
+use reactsim_nn::{CLOSED, FourierEmbedding, Initializer, Perceptron, PerceptronKind, largest};
 
 use super::config::VbdConfig;
 use super::encoder_layer::EncoderLayer;
@@ -109,8 +109,7 @@ impl SceneEncoder {
         if let Some(line) = scene.lines.first() {
             let points = matrix(scene.line_features(config.zeros_are_absent), 3);
             let points = self.map_encoder.point.forward(points);
-            let points =
-                points.reshape([scene.lines.len(), line.points.len(), d]).max_dim(1).squeeze_dim::<2>(1);
+            let points = largest(points.reshape([scene.lines.len(), line.points.len(), d]));
             let lights = scene.lines.iter().map(|line| line.light);
             let lights = rows_of(&self.map_encoder.traffic_light_embed, lights, device);
             let kinds = rows_of(&self.map_encoder.type_embed, scene.lines.iter().map(|l| l.kind), device);
