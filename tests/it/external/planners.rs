@@ -56,6 +56,16 @@ fn it_gives_the_rows_of_a_planner_of_the_program_on_any_number_of_workers_and_th
 }
 
 #[test]
+fn more_workers_than_possible_are_refused_before_any_starts() {
+    let Some(child) = Child::new() else { return };
+    for workers in [0, 257, 100_000_000_000] {
+        let error = driver(ExternalSettings { workers, ..child.settings("", LONG) }).err().unwrap();
+        assert!(error.to_string().contains(&format!("{workers} workers: 1 to 256 are possible")), "{error}");
+    }
+    assert_eq!(child.left_over(), 0);
+}
+
+#[test]
 fn a_process_that_ends_loses_nothing() {
     let Some(child) = Child::new() else { return };
     let wanted = own(Controller::LqrBicycle, 5);
