@@ -7,8 +7,9 @@ Both step the same scenarios of the shipped benchmark with constant actions (acc
 curvature of a bicycle) of the AV, an intelligent driver model as traffic, the observation of the AV
 and a reward from contacts and the road. Waymax runs its `PlanningAgentEnvironment` with
 `IDMRoutePolicy` and `sdc_observation_from_state`, compiled for the batch; compilation is not timed.
-A decision is one step of one AV, and a state step one step of one present agent; Waymax pads every scenario to 128 objects and 20,000
-points of the map, as for its datasets. Without `--waymax`, only this program is measured.
+A decision is one step of one AV, and a state step one step of one present agent; Waymax pads every
+scenario to 128 objects and 20,000 points of the map, as for its datasets. Without `--waymax`, only
+this program is measured.
 
 Needs gymnasium; for Waymax a checkout of github.com/waymo-research/waymax, jax, chex, dm_env, flax.
 """
@@ -109,6 +110,8 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
     batch = {name: jnp.asarray(np.stack(values)) for name, values in columns.items()}
     states, valid, sizes = batch["states"].astype(jnp.float32), batch["valid"], batch["sizes"]
     zeros = jnp.zeros(valid.shape, jnp.float32)
+    lights = (len(scenes), 16, valid.shape[-1])
+    times = jnp.arange(valid.shape[-1], dtype=jnp.int32) * 100_000
     log = datatypes.Trajectory(
         **dict(zip(("x", "y", "yaw", "vel_x", "vel_y"), jnp.moveaxis(states, -1, 0))),
         z=zeros,
@@ -116,7 +119,7 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
         width=sizes[..., 1].astype(jnp.float32),
         height=zeros + 1.5,
         valid=valid,
-        timestamp_micros=jnp.broadcast_to(jnp.arange(91, dtype=jnp.int32) * 100_000, valid.shape),
+        timestamp_micros=jnp.broadcast_to(times, valid.shape),
     )
     objects = valid.shape[:2]
     is_av = jnp.broadcast_to(jnp.arange(OBJECTS) == 0, objects)
@@ -126,9 +129,9 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
         sim_trajectory=log,
         log_trajectory=log,
         log_traffic_light=datatypes.TrafficLights(
-            **{name: jnp.zeros((len(scenes), 16, 91)) for name in ("x", "y", "z")},
-            **{name: jnp.zeros((len(scenes), 16, 91), jnp.int32) for name in ("state", "lane_ids")},
-            valid=jnp.zeros((len(scenes), 16, 91), bool),
+            **{name: jnp.zeros(lights) for name in ("x", "y", "z")},
+            **{name: jnp.zeros(lights, jnp.int32) for name in ("state", "lane_ids")},
+            valid=jnp.zeros(lights, bool),
         ),
         object_metadata=datatypes.ObjectMetadata(
             ids=jnp.broadcast_to(jnp.arange(OBJECTS, dtype=jnp.int32), objects),
@@ -155,8 +158,8 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
     )
 
 
-def waymax(scenes: list[reactsim.Scenario], agents: int, steps: int) -> float:
-    """Returns state steps per second of the environment of Waymax."""
+def waymax_step(scenes: list[reactsim.Scenario], decides: bool = True) -> Any:
+    """Returns a function that steps Waymax; to decide, with observation and reward."""
     import jax
     import jax.numpy as jnp
     from waymax import agents as drivers
@@ -175,6 +178,8 @@ def waymax(scenes: list[reactsim.Scenario], agents: int, steps: int) -> float:
     @jax.jit
     def advance(state: Any) -> tuple[Any, Any, Any]:
         state = environment.step(state, action)
+        if not decides:
+            return state, None, None
         seen = datatypes.sdc_observation_from_state(state, roadgraph_top_k=OBSERVED_POINTS)
         return state, environment.reward(state, action), seen
 
@@ -188,7 +193,20 @@ def waymax(scenes: list[reactsim.Scenario], agents: int, steps: int) -> float:
         jax.block_until_ready((now["state"], reward, seen))
 
     step()
-    return median_rate(step, agents, steps)
+    return step
+
+
+def seconds_per_step(file: Path) -> float:
+    """Returns processor seconds of a step of the first scenario of a file in Waymax, as it is."""
+    global OBJECTS, MAP_POINTS
+    (scene,) = reactsim.scenarios(file, limit=1, future=True)
+    OBJECTS, MAP_POINTS = scene.n_agents, len(map_points(scene)[0])
+    step, times = waymax_step([scene], decides=False), []
+    for _ in range(10):
+        start = time.process_time()
+        step()
+        times.append(time.process_time() - start)
+    return min(times)
 
 
 def main() -> None:
@@ -198,17 +216,25 @@ def main() -> None:
     parser.add_argument("--envs", type=int, nargs="+", default=[1, 16, 64], help="scenarios")
     parser.add_argument("--steps", type=int, default=100, help="steps of each of 5 rounds")
     parser.add_argument("--waymax-steps", type=int, default=2, help="the same for Waymax")
+    parser.add_argument(
+        "--steps-of", type=Path, metavar="FILE", help="print only `seconds_per_step` of a file"
+    )
     options = parser.parse_args()
-    scenes = list(reactsim.scenarios(limit=max(options.envs), future=True))
     if options.waymax is not None:
         load_waymax(options.waymax)
+    if options.steps_of is not None:
+        print(seconds_per_step(options.steps_of))
+        return
+    scenes = list(reactsim.scenarios(limit=max(options.envs), future=True))
     names = ["scenarios", "agents", "decisions per second", "state steps per second"]
     print(f"| {' | '.join([*names, 'Waymax', 'ratio'])} |\n|{'--:|' * 6}")
     for count in options.envs:
         some = scenes[:count]
         agents = sum(scene.n_agents for scene in some)
         own = ours(count, [scene.id for scene in some], agents, options.steps)
-        other = waymax(some, agents, options.waymax_steps) if options.waymax is not None else None
+        other = None
+        if options.waymax is not None:
+            other = median_rate(waymax_step(some), agents, options.waymax_steps)
         compared = f"{other:,.0f} | {own / other:.1f}" if other is not None else "- | -"
         decisions = own * count / agents
         print(f"| {count} | {agents} | {decisions:,.0f} | {own:,.0f} | {compared} |", flush=True)

@@ -33,6 +33,11 @@ SUMO = "SUMO"
 STEPS_ALONE = "SUMO, steps alone"
 
 
+def length(cars_per_lane, steps):
+    """Return a length, in metres, with room for all cars up to the end of the scenario."""
+    return 200.0 + 45.0 * cars_per_lane + 1.4 * steps
+
+
 def cars(seed):
     """Return lane, position (metres) and speed (m/s) of every car."""
     draw = random.Random(seed)
