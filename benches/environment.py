@@ -87,7 +87,7 @@ def map_points(scene: reactsim.Scene) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return tuple(np.concatenate(part) for part in (points, directions, kinds, ids))
 
 
-def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
+def waymax_state(scenes: list[reactsim.Scenario], n_objects: int, n_points: int) -> Any:
     """Returns the state of Waymax with the logs of scenarios, with a batch dimension."""
     import jax.numpy as jnp
     from waymax import datatypes
@@ -99,14 +99,14 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
             columns.setdefault(name, []).append(value)
 
     for scene in scenes:
-        states = padded(np.nan_to_num(scene.states), OBJECTS)
-        valid = padded(scene.present, OBJECTS)
-        sizes = np.repeat(padded(scene.sizes, OBJECTS)[:, None], states.shape[1], axis=1)
+        states = padded(np.nan_to_num(scene.states), n_objects)
+        valid = padded(scene.present, n_objects)
+        sizes = np.repeat(padded(scene.sizes, n_objects)[:, None], states.shape[1], axis=1)
         of_map = map_points(scene)
-        points, directions, kinds, ids = (padded(part, MAP_POINTS) for part in of_map)
-        add(states=states, valid=valid, sizes=sizes, kinds=padded(scene.kinds, OBJECTS))
+        points, directions, kinds, ids = (padded(part, n_points) for part in of_map)
+        add(states=states, valid=valid, sizes=sizes, kinds=padded(scene.kinds, n_objects))
         add(points=points, directions=directions, types=kinds, ids=ids)
-        add(known=np.arange(MAP_POINTS) < len(of_map[0]))
+        add(known=np.arange(n_points) < len(of_map[0]))
     batch = {name: jnp.asarray(np.stack(values)) for name, values in columns.items()}
     states, valid, sizes = batch["states"].astype(jnp.float32), batch["valid"], batch["sizes"]
     zeros = jnp.zeros(valid.shape, jnp.float32)
@@ -122,7 +122,7 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
         timestamp_micros=jnp.broadcast_to(times, valid.shape),
     )
     objects = valid.shape[:2]
-    is_av = jnp.broadcast_to(jnp.arange(OBJECTS) == 0, objects)
+    is_av = jnp.broadcast_to(jnp.arange(n_objects) == 0, objects)
     none = jnp.zeros(objects, bool)
     points, directions = batch["points"], batch["directions"]
     return datatypes.SimulatorState(
@@ -134,7 +134,7 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
             valid=jnp.zeros(lights, bool),
         ),
         object_metadata=datatypes.ObjectMetadata(
-            ids=jnp.broadcast_to(jnp.arange(OBJECTS, dtype=jnp.int32), objects),
+            ids=jnp.broadcast_to(jnp.arange(n_objects, dtype=jnp.int32), objects),
             # Vehicle 1, pedestrian 2, cyclist 3, other 4.
             object_types=batch["kinds"].astype(jnp.int32) + 1,
             is_sdc=is_av,
@@ -158,7 +158,12 @@ def waymax_state(scenes: list[reactsim.Scenario]) -> Any:
     )
 
 
-def waymax_step(scenes: list[reactsim.Scenario], decides: bool = True) -> Any:
+def waymax_step(
+    scenes: list[reactsim.Scenario],
+    n_objects: int = OBJECTS,
+    n_points: int = MAP_POINTS,
+    decides: bool = True,
+) -> Any:
     """Returns a function that steps Waymax; to decide, with observation and reward."""
     import jax
     import jax.numpy as jnp
@@ -168,7 +173,7 @@ def waymax_step(scenes: list[reactsim.Scenario], decides: bool = True) -> Any:
     idm = drivers.IDMRoutePolicy(is_controlled_func=lambda state: ~state.object_metadata.is_sdc)
     environment = env.PlanningAgentEnvironment(
         dynamics.InvertibleBicycleModel(),
-        config.EnvironmentConfig(max_num_objects=OBJECTS),
+        config.EnvironmentConfig(max_num_objects=n_objects),
         sim_agent_actors=(idm,),
         sim_agent_params=({},),
     )
@@ -183,7 +188,7 @@ def waymax_step(scenes: list[reactsim.Scenario], decides: bool = True) -> Any:
         seen = datatypes.sdc_observation_from_state(state, roadgraph_top_k=OBSERVED_POINTS)
         return state, environment.reward(state, action), seen
 
-    start = environment.reset(waymax_state(scenes))
+    start = environment.reset(waymax_state(scenes, n_objects, n_points))
     now = {"state": start}
 
     def step() -> None:
@@ -197,11 +202,10 @@ def waymax_step(scenes: list[reactsim.Scenario], decides: bool = True) -> Any:
 
 
 def seconds_per_step(file: Path) -> float:
-    """Returns processor seconds of a step of the first scenario of a file in Waymax, as it is."""
-    global OBJECTS, MAP_POINTS
+    """Returns processor seconds of a step of the first scenario of a file, without padding."""
     (scene,) = reactsim.scenarios(file, limit=1, future=True)
-    OBJECTS, MAP_POINTS = scene.n_agents, len(map_points(scene)[0])
-    step, times = waymax_step([scene], decides=False), []
+    step = waymax_step([scene], scene.n_agents, len(map_points(scene)[0]), decides=False)
+    times = []
     for _ in range(10):
         start = time.process_time()
         step()

@@ -3,11 +3,14 @@
     python benches/scoring.py target/release/reactsim [--cars 2 4 8 16]
 
 Prints the number of cars and processor seconds: of a whole process of reactsim, which computes all
-four configurations, and of one call of `compute_scenario_metrics_for_bundle` alone.
+four configurations, and of one call of `compute_scenario_metrics_for_bundle` alone. Metametrics
+that differ are refused.
 Needs a Python with waymo-open-dataset-tf-2-12-0 (3.10 or older).
 """
 
 import argparse
+import json
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -24,7 +27,8 @@ from waymo_open_dataset.protos import (
 from waymo_open_dataset.wdl_limited.sim_agents_metrics import metrics
 
 CURRENT, FUTURE, ROLLOUTS, ROUNDS = 10, 80, 32, 3
-SPACING = 2.0
+SPACING = 2.0  # of the points of lines, metres
+LARGEST_DIFFERENCE = 1e-6  # of metametrics
 SIZE = {"length": 4.5, "width": 1.8, "height": 1.5}
 
 
@@ -73,12 +77,12 @@ def rollouts(scenario):
 
 
 def official(scenario, simulated):
-    """Return processor seconds of the official scorer."""
+    """Return processor seconds and metametric of the official scorer."""
     file = Path(metrics.__file__).with_name("challenge_2025_sim_agents_config.textproto")
     config = text_format.Parse(file.read_text(), sim_agents_metrics_pb2.SimAgentMetricsConfig())
     begin = time.process_time()
-    metrics.compute_scenario_metrics_for_bundle(config, scenario, simulated)
-    return time.process_time() - begin
+    scores = metrics.compute_scenario_metrics_for_bundle(config, scenario, simulated)
+    return time.process_time() - begin, scores.metametric
 
 
 def main():
@@ -97,8 +101,14 @@ def main():
                 writer.write(scenario.SerializeToString())
             scored.write_bytes(simulated.SerializeToString())
             command = [arguments.reactsim, "score", scored, "--wosac", "--scenarios", recorded]
-            own = min(road.cpu_seconds(command)[0] for _ in range(ROUNDS))
-        print(len(scenario.tracks), own, official(scenario, simulated), flush=True)
+            command += ["--format", "json"]
+            runs = [road.cpu_seconds(command) for _ in range(ROUNDS)]
+        seconds, printed = min(runs)
+        own = json.loads(printed)["configs"]["2025"]["buckets"]["realism_meta_metric"]
+        official_seconds, metametric = official(scenario, simulated)
+        if abs(own - metametric) > LARGEST_DIFFERENCE:
+            sys.exit(f"metametric {own}, {metametric} of the official scorer")
+        print(len(scenario.tracks), seconds, official_seconds, flush=True)
 
 
 if __name__ == "__main__":
