@@ -155,8 +155,8 @@ pub fn gelu(x: Tensor<2>) -> Tensor<2> {
     if is_host(&x.device()) { host::gelu(x) } else { activation::gelu(x) }
 }
 
-/// Returns x · tanh(ln(1 + eˣ)) of each number x, by one exponential: with w = eˣ, the hyperbolic tangent is
-/// w (w + 2) / (w (w + 2) + 2).
+/// Returns x · tanh(ln(1 + eˣ)) of each number x, by one exponential: with w = eˣ, the hyperbolic tangent
+/// is w (w + 2) / (w (w + 2) + 2).
 pub fn mish<const D: usize>(x: Tensor<D>) -> Tensor<D> {
     if is_host(&x.device()) {
         return host::mish(x);

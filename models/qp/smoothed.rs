@@ -18,7 +18,7 @@ named_enum! {
     pub enum Smoothing {
         /// The full stage.
         Full = "qp",
-        /// Without clearance to other agents, to measure the effect of smoothness, limits and the road alone.
+        /// Without clearance to other agents: only smoothness, limits and the road.
         WithoutOthers = "qp-alone",
     }
 }

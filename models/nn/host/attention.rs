@@ -6,8 +6,8 @@ use pulp::{Arch, Simd, WithSimd};
 use super::softmax::{exp, larger};
 use super::{LANES, Numbers};
 
-/// Sums that are computed at the same time, as many as keep a processor busy: scores of as many keys, and mixed
-/// values of as many queries.
+/// Number of sums that are computed at the same time to keep a processor busy: scores of as many keys, and
+/// mixed values of as many queries.
 const TOGETHER: usize = 8;
 
 /// Input of [`attend`]: `scenes` scenes of m queries and n keys each.
@@ -84,8 +84,8 @@ struct Pass<'a> {
     out: &'a mut [f32],
 }
 
-/// Numbers of [`LANES`] queries, which are computed together, so that keys and values are read once for all of
-/// them.
+/// Numbers of [`LANES`] queries, which are computed together, so that keys and values are read once for all
+/// of them.
 type OfQueries = [f32; LANES];
 
 /// One head of one scene, laid out for vector units.
@@ -144,33 +144,27 @@ impl WithSimd for Pass<'_> {
 }
 
 impl Pass<'_> {
-    /// Reads what is added to scores: by group of [`LANES`] queries, one if it does not depend on the query,
-    /// then by key.
+    /// Reads the numbers that are added to scores: by group of [`LANES`] queries, with one group if they do not
+    /// depend on the query, then by key.
     #[inline(always)]
     fn read_masks(&self, scene: usize, to: &mut Vec<OfQueries>) {
         let [_, _, rows, columns] = self.mask_shape;
+        let masks = &self.closed[scene * rows * columns..][..rows * columns];
         to.clear();
         if rows == 1 {
-            to.extend(self.closed[self.mask_row(scene)..][..columns].iter().map(|mask| [*mask; LANES]));
+            to.extend(masks.iter().map(|mask| [*mask; LANES]));
             return;
         }
         for first in (0..rows).step_by(LANES) {
             let begin = to.len();
             to.resize(begin + columns, [0.0; LANES]);
             for i in 0..LANES.min(rows - first) {
-                let row = &self.closed[self.mask_row(scene) + (first + i) * columns..][..columns];
+                let row = &masks[(first + i) * columns..][..columns];
                 for (to, mask) in to[begin..].iter_mut().zip(row) {
                     to[i] = *mask;
                 }
             }
         }
-    }
-
-    /// Returns where the masks of a scene begin.
-    #[inline(always)]
-    fn mask_row(&self, scene: usize) -> usize {
-        let [scenes, _, rows, columns] = self.mask_shape;
-        if scenes == 1 { 0 } else { scene * rows * columns }
     }
 
     #[inline(always)]
@@ -271,7 +265,8 @@ impl Pass<'_> {
     }
 }
 
-/// Replaces scores by weights e^(score - largest). Returns what each query's weights are to be multiplied with.
+/// Replaces scores by weights e^(score - largest). Returns the factor of each query that makes its weights add
+/// up to 1.
 #[inline(always)]
 fn weigh(scores: &mut [OfQueries]) -> OfQueries {
     let mut largest = [f32::NEG_INFINITY; LANES];

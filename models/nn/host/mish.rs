@@ -67,9 +67,12 @@ fn apply(numbers: &mut [f32; LANES], powers: &[u64; PARTS]) {
     }
 }
 
-/// Returns eˣ, or e²⁰ for larger x, to 0.51 units of the last place: a power of 2 and a polynomial of degree 3
-/// in 64 bits (coefficients of `expf` of the Arm Optimized Routines). A processor computes several at once,
-/// but for looking up the powers.
+/// Returns eˣ, or e²⁰ for larger x, to 0.51 units of the last place: a power of 2 and a polynomial of degree
+/// 3 in 64 bits (coefficients of `expf` of the Arm Optimized Routines). A processor computes several at once,
+/// except for the table of powers.
+///
+/// The function of the softmax is shorter, but its last bits are not those of the C library, with which the
+/// published numbers were computed.
 #[inline(always)]
 fn exp(x: &[f32; LANES], powers: &[u64; PARTS]) -> [f32; LANES] {
     let (mut bits, mut rest) = ([0; LANES], [0.0; LANES]);

@@ -285,8 +285,8 @@ pub(crate) fn largest(groups: Tensor<3>) -> Tensor<2> {
     Tensor::from_data(TensorData::new(out, [n, width]), &device)
 }
 
-/// Gathers places of each sequence, `[n, places, width]`, into `[n * index, width]`; those that are `None` are
-/// 0.
+/// Gathers places of each sequence, `[n, places, width]`, into `[n * index, width]`; those that are `None`
+/// are 0.
 pub(crate) fn gather(x: Tensor<3>, index: &[Option<usize>]) -> Tensor<2> {
     let (device, [n, places, width]) = (x.device(), x.dims());
     let (numbers, zeros) = (Numbers::of(x), vec![0.0; width]);
