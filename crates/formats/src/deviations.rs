@@ -20,7 +20,7 @@ const JSON_FORMAT: &str = "reactsim-deviations-v1";
 pub const KIND: &str = "reactsim-deviations";
 /// Version of the Parquet schema.
 pub const VERSION: u32 = 1;
-/// Columns that are read, together with those of certificates; files that `curate` writes have others, too.
+/// Columns that are read in addition to the columns of certificates. `curate` also writes others.
 const COLUMNS: [&str; 14] = [
     "scenario_id",
     "category",

@@ -67,7 +67,7 @@ pub fn count_records(open: &Opener) -> usize {
 /// Name of the repair that counts the frames after the last one of a recording; they are absent.
 pub(super) const UNRECORDED_FRAMES: &str = "frames at the end that are not recorded";
 
-/// Adds the numbers of repairs, by name, to those of a scenario; leaves out those of which there are none.
+/// Adds counts of repairs, by name, to the counts of a scenario. Counts of 0 are left out.
 pub(super) fn add_repairs(
     scenario: &mut Scenario,
     counted: impl IntoIterator<Item = (impl Into<String>, u32)>,

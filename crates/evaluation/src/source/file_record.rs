@@ -144,8 +144,7 @@ impl FileRecord {
     }
 }
 
-/// Returns which frames of a file are current: the requested one, those of windows that begin `step` frames
-/// apart, or the recorded ones.
+/// Returns the current frames of a file: the requested frame, every `step`-th frame, or the recorded ones.
 pub(crate) fn current_frames(frame: Option<usize>, step: Option<NonZeroUsize>) -> CurrentFrames {
     match (frame, step) {
         (Some(frame), _) => CurrentFrames::At(frame),
